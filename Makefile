@@ -1,0 +1,36 @@
+# make demo   everything from a fresh clone: environment, data, training, the table of what each sensor is worth
+# make test   environment, lint, types, tests            make check   the same and the longer checks
+
+PYTHON ?= python3
+VENV   ?= .venv
+RUN     = $(VENV)/bin/python
+NAME   ?= demo
+
+.PHONY: demo test check check-slow lint devkit
+
+demo: $(VENV)/installed
+	$(RUN) -m data_gen data=nano
+	$(RUN) train.py experiment=nano name=$(NAME)
+	$(RUN) eval.py run=runs/$(NAME)
+
+test: lint
+	$(RUN) -m pytest -m "not slow"
+
+check: test check-slow
+
+check-slow: $(VENV)/installed devkit
+	$(RUN) -m pytest -m slow
+
+lint: $(VENV)/installed
+	$(RUN) -m ruff check .
+	$(RUN) -m ruff format --check .
+	$(RUN) -m mypy
+
+devkit:
+	sh tools/devkit/setup.sh
+
+$(VENV)/installed: pyproject.toml constraints.txt
+	$(PYTHON) -m venv $(VENV)
+	$(RUN) -m pip install --quiet --upgrade pip
+	$(RUN) -m pip install --quiet --constraint constraints.txt --editable '.[dev]'
+	touch $@

@@ -1,0 +1,181 @@
+"""Drivers and streets: highway-env's IDM and MOBIL traffic, quick enough to be stepped for every scene."""
+
+import math
+
+import numpy as np
+from highway_env.road.regulation import RegulatedRoad
+from highway_env.road.road import LaneIndex, RoadNetwork
+from highway_env.utils import rotated_rectangles_intersect
+from highway_env.vehicle.behavior import IDMVehicle
+from highway_env.vehicle.objects import RoadObject
+
+
+class Streets(RegulatedRoad):
+    """A road on which everybody keeps its lane coordinates, so that neighbours are looked up instead of projected."""
+
+    def __init__(self, network: RoadNetwork, rng: np.random.Generator, *, crossing: bool) -> None:
+        super().__init__(network=network, np_random=rng, neighbour_vehicles_connected_lanes=True)
+        self.crossing = crossing
+        self._joined: dict[LaneIndex, dict[LaneIndex, float]] = {}
+
+    def joined(self, index: LaneIndex) -> dict[LaneIndex, float]:
+        """The lane itself, its successors and its predecessors, each with the offset of its origin along ``index``."""
+        if index not in self._joined:
+            start, end, lane_id = index
+            graph, found = self.network.graph, {}
+            for origin, ends in graph.items():
+                if start in ends:
+                    lane_id_before = min(lane_id, len(ends[start]) - 1)
+                    found[origin, start, lane_id_before] = -ends[start][lane_id_before].length
+            for after, lanes in graph.get(end, {}).items():
+                found[end, after, min(lane_id, len(lanes) - 1)] = self.network.get_lane(index).length
+            self._joined[index] = {**found, index: 0.0}
+        return self._joined[index]
+
+    def neighbour_vehicles(self, vehicle, lane_index=None):
+        """The nearest object ahead of and behind ``vehicle`` on a lane and the lanes joined to it."""
+        index = lane_index or vehicle.lane_index
+        joined = self.joined(index)
+        own = vehicle.s if index == vehicle.lane_index else self.network.get_lane(index).local_coordinates(vehicle.position)[0]
+        ahead = behind = None
+        nearest_ahead, nearest_behind = math.inf, -math.inf
+        for other in self.vehicles + self.objects:
+            offset = joined.get(other.lane_index)
+            if offset is None or other is vehicle:
+                continue
+            gap = other.s + offset - own
+            if 0 <= gap < nearest_ahead:
+                ahead, nearest_ahead = other, gap
+            elif nearest_behind < gap < 0:
+                behind, nearest_behind = other, gap
+        return ahead, behind
+
+    def step(self, dt: float) -> None:
+        """Move everybody; whether they touch is for the recorder to see."""
+        self.steps += 1
+        if self.crossing and self.steps % round(1 / dt / self.REGULATION_FREQUENCY) == 0:
+            self.enforce_road_rules()
+        for vehicle in self.vehicles:
+            vehicle.step(dt)
+
+    @staticmethod
+    def is_conflict_possible(v1: "Driver", v2: "Driver", horizon: int = 3, step: float = 0.25) -> bool:
+        """Whether two drivers would meet at constant speed within ``horizon`` seconds."""
+        if np.abs(v1.position - v2.position).max() > 50:
+            return False
+        (positions_1, headings_1), (positions_2, headings_2) = v1.forecast(horizon, step), v2.forecast(horizon, step)
+        near = np.square(positions_1 - positions_2).sum(axis=1) < 36
+        return any(
+            rotated_rectangles_intersect(
+                (positions_1[i], 7.5, 1.8, headings_1[i]), (positions_2[i], 7.5, 1.8, headings_2[i]))
+            for i in np.flatnonzero(near)
+        )
+
+
+class Driver(IDMVehicle):
+    """An IDM driver who knows its place along its lane.
+
+    All parameters are set here: another environment that writes on ``IDMVehicle`` in the same process (the intersection
+    does) changes nothing. ``s`` is the longitudinal lane coordinate in metres, ``slip`` the slip angle in radians.
+    """
+
+    ACC_MAX = 6.0
+    COMFORT_ACC_MAX = 3.0
+    COMFORT_ACC_MIN = -5.0
+    DISTANCE_WANTED = 9.0
+    TIME_WANTED = 1.2
+    DELTA = 4.0
+    POLITENESS = 0.0
+    LANE_CHANGE_MIN_ACC_GAIN = 0.2
+    LANE_CHANGE_MAX_BRAKING_IMPOSED = 2.0
+    LANE_CHANGE_DELAY = 1.0
+    LENGTH = 5.0
+    WIDTH = 2.0
+
+    def __init__(self, road: Streets, index: LaneIndex, s: float, speed: float, *, target_speed: float, route, change: bool):
+        # The base classes would search every lane for the one we know.
+        lane = road.network.get_lane(index)
+        self.road, self.s, self.slip = None, s, 0.0
+        super().__init__(None, lane.position(s, 0.0), lane.heading_at(s), speed, index, target_speed, route, change)
+        self.road, self.lane, self.lane_index = road, lane, index
+        self._forecast: tuple[int, tuple] = (-1, ())
+
+    def lane_distance_to(self, other: RoadObject, lane=None) -> float:
+        """Signed distance along the lane, across the joints of lanes."""
+        offset = self.road.joined(self.lane_index).get(other.lane_index) if other else None
+        return super().lane_distance_to(other, lane) if offset is None or lane else other.s + offset - self.s
+
+    def acceleration(self, ego_vehicle, front_vehicle=None, rear_vehicle=None) -> float:
+        """The Intelligent Driver Model's acceleration in m/s^2 of any driver behind any other, as highway-env has it."""
+        if not isinstance(ego_vehicle, Driver):
+            return 0.0
+        speed, limit = ego_vehicle.speed, ego_vehicle.lane.speed_limit
+        desired = max(min(ego_vehicle.target_speed, limit), 0.01)
+        acceleration = self.COMFORT_ACC_MAX * (1 - (speed / desired) ** self.DELTA)
+        if front_vehicle:
+            turn = front_vehicle.heading - ego_vehicle.heading
+            closing = speed - front_vehicle.speed * math.cos(turn)
+            comfort = 2 * math.sqrt(-self.COMFORT_ACC_MAX * self.COMFORT_ACC_MIN)
+            gap = self.DISTANCE_WANTED + speed * self.TIME_WANTED + speed * closing / comfort
+            distance = ego_vehicle.lane_distance_to(front_vehicle)
+            acceleration -= self.COMFORT_ACC_MAX * (gap / (distance if abs(distance) > 0.01 else 0.01)) ** 2
+        return max(acceleration, -2 * self.ACC_MAX)
+
+    def steering_control(self, target_lane_index: LaneIndex) -> float:
+        """highway-env's cascade: lateral offset to lateral speed to heading to heading rate to steering angle."""
+        lane = self.road.network.get_lane(target_lane_index)
+        along, across = lane.local_coordinates(self.position)
+        speed = max(self.speed, 0.01)
+        approach = math.asin(max(-1.0, min(1.0, -self.KP_LATERAL * across / speed)))
+        heading = lane.heading_at(along + speed * self.TAU_PURSUIT) + max(-math.pi / 4, min(math.pi / 4, approach))
+        error = (heading - self.heading + math.pi) % (2 * math.pi) - math.pi
+        slip = math.asin(max(-1.0, min(1.0, self.LENGTH / 2 / speed * self.KP_HEADING * error)))
+        limit = self.MAX_STEERING_ANGLE
+        return max(-limit, min(limit, math.atan(2 * math.tan(slip))))
+
+    def step(self, dt: float) -> None:
+        """The kinematic bicycle of highway-env by the midpoint rule, so that recorded velocities fit the positions to
+        second order. Nobody drives backwards."""
+        self.timer += dt
+        slip = math.atan(math.tan(self.action["steering"]) / 2)
+        acceleration = max(self.action["acceleration"], -self.speed / dt)
+        speed = self.speed + acceleration * dt / 2
+        turn = speed * math.sin(slip) / (self.LENGTH / 2) * dt
+        course = self.heading + turn / 2 + slip
+        self.position = self.position + speed * dt * np.array([math.cos(course), math.sin(course)])
+        self.heading += turn
+        self.speed += acceleration * dt
+        self.slip = slip
+        self.on_state_update()
+
+    def on_state_update(self) -> None:
+        """Follow the lane; look again, on this road and the next, once outside of it."""
+        self.s, across = self.lane.local_coordinates(self.position)
+        if 0 <= self.s <= self.lane.length and abs(across) <= self.lane.width / 2:
+            return
+        start, end, _ = self.lane_index
+        graph = self.road.network.graph
+        ways = {(start, end), self.target_lane_index[:2], *((end, after) for after in graph.get(end, {}))}
+        if self.route:
+            ways = {way for way in ways if way[0] != end or way in [hop[:2] for hop in self.route]} or ways
+        indices = [(*way, i) for way in sorted(ways) for i in range(len(graph[way[0]][way[1]]))]
+        lanes = [self.road.network.get_lane(index) for index in indices]
+        best = int(np.argmin([lane.distance_with_heading(self.position, self.heading) for lane in lanes]))
+        self.lane_index, self.lane = indices[best], lanes[best]
+        self.s = self.lane.local_coordinates(self.position)[0]
+
+    def forecast(self, horizon: float, step: float) -> tuple[np.ndarray, np.ndarray]:
+        """Positions (K, 2) and headings (K,) along the route at constant speed, worked out once a step."""
+        if self._forecast[0] != self.road.steps:
+            hops = [hop[:2] for hop in self.route or [] if hop[:2] != self.lane_index[:2]]
+            lane, s, states = self.lane, self.s, []
+            for _ in np.arange(step, horizon, step):
+                s += self.speed * step
+                while s > lane.length and hops:
+                    s -= lane.length
+                    lanes = self.road.network.graph[hops[0][0]][hops[0][1]]
+                    lane, hops = lanes[min(self.lane_index[2], len(lanes) - 1)], hops[1:]
+                states.append((*lane.position(s, 0.0), lane.heading_at(s)))
+            path = np.array(states)
+            self._forecast = self.road.steps, (path[:, :2], path[:, 2])
+        return self._forecast[1]

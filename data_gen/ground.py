@@ -1,0 +1,60 @@
+"""The ground as a raster of materials over x and y: asphalt, paint, pavement, grass. One picture serves the camera's albedo,
+the LiDAR's reflectivity and the drivable mask of the nuScenes map."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from data_gen.mesh import TEXTURES
+
+# name: linear RGB albedo, texture, reflectivity at 905 nm, whether cars drive there
+GROUND = {
+    "grass": ((0.10, 0.16, 0.05), "grass", 0.45, False),
+    "asphalt": ((0.12, 0.12, 0.125), "asphalt", 0.14, True),
+    "shoulder": ((0.16, 0.155, 0.15), "asphalt", 0.18, False),
+    "pavement": ((0.30, 0.29, 0.27), "concrete", 0.30, False),
+    "kerb": ((0.42, 0.41, 0.39), "concrete", 0.38, False),
+    "white_paint": ((0.72, 0.72, 0.70), "plain", 0.65, True),
+    "yellow_paint": ((0.62, 0.45, 0.06), "plain", 0.55, True),
+    "gravel": ((0.26, 0.22, 0.17), "concrete", 0.28, False),
+    "dry_grass": ((0.20, 0.19, 0.08), "grass", 0.42, False),
+    "worn_paint": ((0.40, 0.40, 0.39), "asphalt", 0.36, True),
+    "patch": ((0.075, 0.075, 0.08), "asphalt", 0.10, True),
+    "tar": ((0.04, 0.04, 0.042), "plain", 0.06, True),
+}
+GROUND_NAMES = tuple(GROUND)
+_DRIVABLE = np.array([entry[3] for entry in GROUND.values()])
+
+
+@dataclass(frozen=True)
+class GroundMap:
+    """Material of the ground: ``material`` (rows, columns) indexes ``GROUND_NAMES``; row 0 is at the lowest y, column 0 at
+    the lowest x; ``origin`` is the global (x, y) of the lower left corner; ``resolution`` metres a pixel."""
+
+    material: NDArray[np.uint8]
+    origin: tuple[float, float]
+    resolution: float
+
+    def at(self, xy: NDArray) -> NDArray[np.uint8]:
+        """Material index of global points (N, 2); outside the map it is grass."""
+        cell = np.floor((np.asarray(xy)[:, :2] - self.origin) / self.resolution).astype(np.int64)
+        rows, columns = self.material.shape
+        inside = (cell[:, 0] >= 0) & (cell[:, 0] < columns) & (cell[:, 1] >= 0) & (cell[:, 1] < rows)
+        found = np.full(len(cell), GROUND_NAMES.index("grass"), np.uint8)
+        found[inside] = self.material[cell[inside, 1], cell[inside, 0]]
+        return found
+
+    @property
+    def drivable(self) -> NDArray[np.bool_]:
+        """(rows, columns): where cars drive."""
+        return _DRIVABLE[self.material]
+
+
+def ground_table() -> tuple[NDArray[np.float32], NDArray[np.uint8], NDArray[np.float32]]:
+    """Albedo (G, 3), texture index (G,) and LiDAR reflectivity (G,) of the ground's materials."""
+    return (
+        np.array([entry[0] for entry in GROUND.values()], np.float32),
+        np.array([TEXTURES.index(entry[1]) for entry in GROUND.values()], np.uint8),
+        np.array([entry[2] for entry in GROUND.values()], np.float32),
+    )

@@ -1,0 +1,113 @@
+"""The sensors of a car: where they sit, what they are, when they fire."""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from beartype import beartype
+from numpy.typing import NDArray
+
+from fusion_net.geometry import from_rpy, rigid
+
+EGO_T_OPTICAL = rigid([[0, 0, 1], [-1, 0, 0], [0, -1, 0]], np.zeros(3))
+"""A level camera looking along ego x: camera x (right) is -y, camera y (down) is -z, camera z (forward) is x."""
+
+
+@beartype
+@dataclass(frozen=True, kw_only=True)
+class Mount:
+    """A sensor's place. ``translation`` in the ego frame (m); ``rotation_deg`` roll, pitch (positive: nose down), yaw of
+    the sensor's body, whose x axis is its boresight. ``rate`` Hz and ``phase`` s say when it fires: phase + n / rate."""
+
+    translation: list[float]
+    rotation_deg: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
+    rate: float
+    phase: float = 0.0
+
+    @property
+    def ego_T_body(self) -> NDArray[np.float64]:
+        """(4, 4): body axes are x along the boresight, y left, z up."""
+        return from_rpy(*np.radians(self.rotation_deg), translation=self.translation)
+
+    @property
+    def ego_T_sensor(self) -> NDArray[np.float64]:
+        """(4, 4) of the frame that the sensor's data are written in, as nuScenes defines it for the modality."""
+        return self.ego_T_body
+
+
+@beartype
+@dataclass(frozen=True, kw_only=True)
+class Camera(Mount):
+    """A pinhole camera. ``principal`` is the principal point in pixels, None for the image's centre."""
+
+    width: int
+    height: int
+    hfov_deg: float
+    principal: list[float] | None = None
+
+    def __post_init__(self) -> None:
+        if not 1 < self.hfov_deg < 170:
+            raise ValueError(f"rig: hfov_deg={self.hfov_deg} is not within (1, 170)")
+
+    @property
+    def cam_K(self) -> NDArray[np.float64]:
+        """Pinhole matrix (3, 3) in pixels, square pixels."""
+        f = self.width / 2 / math.tan(math.radians(self.hfov_deg) / 2)
+        cx, cy = self.principal or (self.width / 2, self.height / 2)
+        return np.array([[f, 0.0, cx], [0.0, f, cy], [0.0, 0.0, 1.0]])
+
+    @property
+    def ego_T_sensor(self) -> NDArray[np.float64]:
+        """Optical frame: x right, y down, z forward."""
+        return self.ego_T_body @ EGO_T_OPTICAL
+
+
+@beartype
+@dataclass(frozen=True, kw_only=True)
+class Lidar(Mount):
+    """A spinning LiDAR with the HDL-32E's beams. ``columns`` firings a turn; ``sector_deg`` the azimuths kept, counter-
+    clockwise from the boresight, [-180, 180] for all; ``max_range`` at which a 90 % target disappears.
+
+    Data are written in nuScenes' LIDAR_TOP frame: x right, y forward, z up.
+    """
+
+    columns: int
+    sector_deg: list[float] = field(default_factory=lambda: [-180.0, 180.0])
+    max_range: float = 100.0
+
+    @property
+    def ego_T_sensor(self) -> NDArray[np.float64]:
+        """(4, 4): the body frame turned by -90 degrees."""
+        return self.ego_T_body @ from_rpy(0.0, 0.0, -math.pi / 2)
+
+
+@beartype
+@dataclass(frozen=True, kw_only=True)
+class Radar(Mount):
+    """A 77 GHz FMCW radar that reports detections. Resolutions are cell sizes; ``max_range`` m, ``fov_deg`` half-angle."""
+
+    max_range: float = 100.0
+    fov_deg: float = 60.0
+    range_resolution: float = 0.4
+    azimuth_resolution_deg: float = 3.2
+    doppler_resolution: float = 0.1
+    max_doppler: float = 111.0
+
+
+@beartype
+@dataclass(frozen=True, kw_only=True)
+class Rig:
+    """All sensors by nuScenes channel name. ``keyframe_rate`` Hz; ``sweeps`` how many firings of the modality before each
+    keyframe are written (0: the keyframe's only)."""
+
+    name: str
+    cameras: dict[str, Camera]
+    lidars: dict[str, Lidar]
+    radars: dict[str, Radar]
+    keyframe_rate: float = 2.0
+    sweeps: dict[str, int] = field(default_factory=dict)
+
+    @property
+    def sensors(self) -> dict[str, Mount]:
+        """Every mount by channel: cameras, then LiDARs, then radars."""
+        return {**self.cameras, **self.lidars, **self.radars}

@@ -1,0 +1,190 @@
+"""A scene: a static world and actors on tracks, and ray queries that give every ray its own time.
+
+Every body has an embree tree of its own, built once in its local frame. A query moves each ray into a body's frame at
+that ray's time and keeps the nearest hit, so nothing is rebuilt between frames and a LiDAR's rolling sweep is exact.
+It also yields, at no cost, which bodies a ray would have met had nothing stood in the way: the visibility of a label.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from embreex.mesh_construction import TriangleMesh
+from embreex.rtcore_scene import EmbreeScene
+from numpy.typing import ArrayLike, NDArray
+
+from data_gen.conditions import Condition
+from data_gen.ground import GroundMap
+from data_gen.mesh import Asset, Mesh, Scatterers, Surface
+from data_gen.track import Track, TrackBundle
+
+WORLD = -1
+"""Body index of the static world; actors count from 0."""
+NOTHING = -2
+"""Body index of a ray that met nothing."""
+
+
+@dataclass(frozen=True)
+class Actor:
+    """A body in the scene. ``instance`` is stable over the scene; ``attribute`` is a nuScenes attribute or ""."""
+
+    instance: int
+    asset: Asset
+    track: Track
+    attribute: str = ""
+
+
+@dataclass(frozen=True)
+class Hits:
+    """What N rays met. ``face`` indexes ``Scene.surface``; ``local`` and ``normal`` are in the body's frame and in the
+    global frame. ``aimed`` and ``reached`` count, per actor, the rays that would meet it alone and those that did."""
+
+    distance: NDArray[np.float32]  # (N,) metres, inf for none
+    body: NDArray[np.int32]  # (N,) actor index, WORLD or NOTHING
+    face: NDArray[np.int32]  # (N,) -1 for none
+    local: NDArray[np.float32]  # (N, 3)
+    normal: NDArray[np.float32]  # (N, 3) unit, turned towards the ray's origin
+    aimed: NDArray[np.int64]  # (A,)
+    reached: NDArray[np.int64]  # (A,)
+
+
+class _Tree:
+    """An embree tree over one mesh, in its local frame."""
+
+    def __init__(self, mesh: Mesh) -> None:
+        self.embree = EmbreeScene()
+        TriangleMesh(self.embree, mesh.vertices.astype(np.float32), mesh.faces.astype(np.int32))
+        low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+        self.center = (low + high) / 2
+        self.radius = float(np.linalg.norm(mesh.vertices - self.center, axis=1).max())
+
+
+class Scene:
+    """Static world, actors, ground map, ego path and physical condition of one episode.
+
+    ``world`` and ``world_scatterers`` are in the global frame. The ground's material comes from ``ground``, a raster over
+    x and y: a face of the world whose index is under ``ground_faces`` is ground and is looked up there.
+    """
+
+    def __init__(
+        self, *, name: str, ego: Track, actors: list[Actor], world: Mesh, ground_faces: int, ground: GroundMap,
+        world_scatterers: Scatterers, condition: Condition,
+    ) -> None:
+        self.name, self.ego, self.actors, self.condition = name, ego, actors, condition
+        self.ground, self.ground_faces, self.world_scatterers = ground, ground_faces, world_scatterers
+        self._world = _Tree(world)
+        trees = {id(actor.asset): actor.asset for actor in actors}
+        self._trees = {key: _Tree(asset.mesh) for key, asset in trees.items()}
+        spheres = [self._trees[id(actor.asset)] for actor in actors]
+        self._sphere_center = np.array([tree.center for tree in spheres]).reshape(-1, 3)
+        self._sphere_radius = np.array([tree.radius for tree in spheres])
+        # The last track is the world's own, at rest at the origin, so that body index WORLD (-1) has a pose as well.
+        self._tracks = TrackBundle([*(actor.track for actor in actors), Track.static(np.zeros(3), 0.0)])
+        meshes = [world, *(asset.mesh for asset in trees.values())]
+        self.surface = Surface.concatenate([mesh.surface for mesh in meshes])
+        starts = np.cumsum([0, *(len(mesh.faces) for mesh in meshes[:-1])])
+        self._face_start = dict(zip(trees, starts[1:].tolist(), strict=True))
+
+    def place(self, body: ArrayLike, local: ArrayLike, t: float) -> NDArray[np.float64]:
+        """Global positions (N, 3) at time ``t`` of points ``local`` (N, 3) fixed to bodies (N,): actors or WORLD."""
+        position, yaw, _ = self._tracks.at(t, body)
+        return position + _rotate(np.asarray(local), np.cos(yaw), np.sin(yaw))
+
+    def cast(
+        self, origins: ArrayLike, directions: ArrayLike, times: ArrayLike, max_range: float = 250.0
+    ) -> Hits:
+        """Nearest hits of rays with global ``origins`` (N, 3) or (3,), unit ``directions`` (N, 3), ``times`` (N,) or a
+        scalar in seconds."""
+        directions = np.ascontiguousarray(directions, np.float32)
+        count = len(directions)
+        origins = np.ascontiguousarray(np.broadcast_to(np.asarray(origins, np.float32), (count, 3)))
+        found = self._world.embree.run(origins, directions, query="INTERSECT", output=True)
+        hit = found["tfar"] < max_range
+        distance = np.where(hit, found["tfar"], np.float32(np.inf))
+        body = np.where(hit, np.int32(WORLD), np.int32(NOTHING))
+        face = np.where(hit, found["primID"], np.int32(-1))
+        normal = found["Ng"]
+        local = np.zeros((count, 3), np.float32)
+        aimed = np.zeros(len(self.actors), np.int64)
+        for index, actor, rays, moved_o, moved_d, cos, sin in self._towards(origins, directions, times, max_range):
+            found = self._trees[id(actor.asset)].embree.run(moved_o, moved_d, query="INTERSECT", output=True)
+            meets = found["primID"] >= 0
+            aimed[index] = np.count_nonzero(meets)
+            nearer = meets & (found["tfar"] < np.minimum(distance[rays], max_range))
+            rays, found_t = rays[nearer], found["tfar"][nearer]
+            distance[rays], body[rays] = found_t, index
+            face[rays] = found["primID"][nearer] + self._face_start[id(actor.asset)]
+            normal[rays] = _rotate(found["Ng"][nearer], cos[nearer], sin[nearer])
+            local[rays] = moved_o[nearer] + moved_d[nearer] * found_t[:, None]
+        static = body == WORLD
+        local[static] = origins[static] + directions[static] * distance[static, None]
+        length = np.linalg.norm(normal, axis=1, keepdims=True)
+        away = np.einsum("ij,ij->i", normal, directions) > 0
+        normal = np.where(away[:, None], -normal, normal) / np.maximum(length, 1e-12)
+        reached = np.bincount(body[body >= 0], minlength=len(self.actors))
+        return Hits(distance, body, face, local, normal, aimed, reached)
+
+    def occluded(
+        self, origins: ArrayLike, directions: ArrayLike, times: ArrayLike, max_distance: ArrayLike = 250.0
+    ) -> NDArray[np.bool_]:
+        """Whether anything lies on each ray nearer than ``max_distance`` (N,) or a scalar. Arguments as in :meth:`cast`."""
+        directions = np.ascontiguousarray(directions, np.float32)
+        count = len(directions)
+        origins = np.ascontiguousarray(np.broadcast_to(np.asarray(origins, np.float32), (count, 3)))
+        limit = np.ascontiguousarray(np.broadcast_to(np.asarray(max_distance, np.float32), (count,)))
+        blocked = self._world.embree.run(origins, directions, limit, query="OCCLUDED") >= 0
+        reach = float(limit.max(initial=0.0))
+        for _, actor, rays, moved_o, moved_d, _, _ in self._towards(origins, directions, times, reach):
+            tree = self._trees[id(actor.asset)]
+            blocked[rays] |= tree.embree.run(moved_o, moved_d, limit[rays], query="OCCLUDED") >= 0
+        return blocked
+
+    def _towards(self, origins, directions, times, max_range):
+        """For each actor in reach, the rays that pass near it, moved into its frame at their own times."""
+        if not len(directions) or not self.actors:
+            return
+        times = np.asarray(times, float)
+        middle, half_span = (times.max() + times.min()) / 2, (times.max() - times.min()) / 2
+        position, yaw, velocity = self._tracks.at(middle, np.arange(len(self.actors)))
+        base = origins.mean(axis=0)
+        offset = origins - base
+        slack = half_span * 1.5 * np.linalg.norm(velocity, axis=1) + (0.2 if half_span else 0.0)
+        center = position + _rotate(self._sphere_center, np.cos(yaw), np.sin(yaw)) - base
+        radius = self._sphere_radius + slack
+        actors = np.flatnonzero(_in_cone(offset, directions, center, radius, max_range))
+        center, radius = center[actors].astype(np.float32), radius[actors].astype(np.float32)
+        along = directions @ center.T - np.einsum("ij,ij->i", offset, directions)[:, None]
+        gap = -2 * offset @ center.T + np.einsum("ij,ij->i", offset, offset)[:, None] - along**2
+        near = (gap < radius**2 - (center**2).sum(axis=1)) & (along > -radius) & (along < max_range + radius)
+        which, rays = np.nonzero(near.T)
+        which = actors[which]
+        if times.ndim:
+            position, yaw, _ = self._tracks.at(times[rays], which)
+        else:
+            position, yaw = position[which], yaw[which]
+        cos, sin = np.cos(yaw).astype(np.float32), np.sin(yaw).astype(np.float32)
+        moved_o = _unrotate(origins[rays] - position.astype(np.float32), cos, sin)
+        moved_d = _unrotate(directions[rays], cos, sin)
+        ends = np.searchsorted(which, actors, side="right")
+        for index, start, end in zip(actors.tolist(), [0, *ends[:-1]], ends, strict=True):
+            if start < end:
+                part = slice(start, end)
+                yield index, self.actors[index], rays[part], moved_o[part], moved_d[part], cos[part], sin[part]
+
+
+def _in_cone(offset, directions, center, radius, max_range):
+    """Which spheres the cone around all rays may touch; ``offset`` (N, 3) are the rays' origins about their mean."""
+    axis = directions.mean(axis=0)
+    axis /= max(np.linalg.norm(axis), 1e-6)
+    opening = np.arccos(np.clip((directions @ axis).min(), -1.0, 1.0))
+    distance = np.maximum(np.linalg.norm(center, axis=1), 1e-6)
+    reach = radius + np.sqrt((offset**2).sum(axis=1).max())
+    angle = np.arccos(np.clip(center @ axis / distance, -1.0, 1.0)) - np.arcsin(np.minimum(reach / distance, 1.0))
+    return (distance < max_range + reach) & (angle <= opening + 1e-3)
+
+
+def _unrotate(v, cos, sin):
+    return np.stack([cos * v[:, 0] + sin * v[:, 1], cos * v[:, 1] - sin * v[:, 0], v[:, 2]], axis=1)
+
+
+def _rotate(v, cos, sin):
+    return np.stack([cos * v[:, 0] - sin * v[:, 1], sin * v[:, 0] + cos * v[:, 1], v[:, 2]], axis=1)

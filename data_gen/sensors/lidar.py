@@ -1,0 +1,141 @@
+"""A spinning LiDAR: the HDL-32E's beams, each ray cast at the time it leaves, ranged and thinned by received power."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from data_gen.ground import ground_table
+from data_gen.rig import Lidar
+from data_gen.scene import WORLD, Hits, Scene
+from fusion_net.geometry import invert, transform
+
+# fmt: off
+ELEVATION_DEG = np.array([
+    -30.67, -9.33, -29.33, -8.00, -28.00, -6.66, -26.66, -5.33, -25.33, -4.00, -24.00, -2.67, -22.67, -1.33, -21.33, 0.00,
+    -20.00, 1.33, -18.67, 2.67, -17.33, 4.00, -16.00, 5.33, -14.67, 6.67, -13.33, 8.00, -12.00, 9.33, -10.67, 10.67,
+])
+# fmt: on
+"""Beam elevations in firing order (HDL-32E manual)."""
+
+RING = np.argsort(np.argsort(ELEVATION_DEG)).astype(np.uint8)
+"""nuScenes' ring of each beam in firing order: 0 points down most."""
+
+FIRING = 1.152e-6
+"""Seconds from one laser of a column to the next (HDL-32E manual, appendix E)."""
+
+START_DEG = 105.0
+"""Azimuth where a turn begins and ends, counter-clockwise from the boresight, as measured on nuScenes' key frames."""
+
+RANGE_STEP = 0.002
+"""Metres of one count of the range word."""
+
+RETRO = 0.85
+"""Reflectivity from which a surface is retro-reflective sheeting, reported up to 255 where diffuse per cent end at 100."""
+
+
+@dataclass(frozen=True)
+class LidarSweep:
+    """One turn, in the LIDAR_TOP frame (x right, y forward, z up) at the turn's end, ego-motion compensated."""
+
+    points: NDArray[np.float32]  # (P, 3) metres
+    intensity: NDArray[np.float32]  # (P,) calibrated reflectivity, whole numbers 0 .. 255
+    ring: NDArray[np.uint8]  # (P,)
+    time: NDArray[np.float32]  # (P,) seconds relative to the turn's end, <= 0
+    body: NDArray[np.int32]  # (P,) actor index or WORLD
+    aimed: NDArray[np.int64]  # (A,) rays that would meet each actor alone
+    reached: NDArray[np.int64]  # (A,) and those that did, before drop-out
+
+
+def scan_lidar(
+    scene: Scene, lidar: Lidar, *, t_end: float, rng: np.random.Generator, ego_T_sensor: NDArray[np.float64] | None = None
+) -> LidarSweep:
+    """The sweep that ends at ``t_end`` seconds.
+
+    ``ego_T_sensor`` (4, 4) is where the sensor truly sits, by default where ``lidar`` says; the compensation of the ego's
+    motion uses what ``lidar`` says, as a car would that does not know better.
+    """
+    in_sensor, beam, dt = firing_pattern(lidar)
+    believed = lidar.ego_T_sensor
+    true = believed if ego_T_sensor is None else ego_T_sensor
+    position, yaw, _ = scene.ego.at(t_end + dt)
+    origins = position + _yawed(np.broadcast_to(true[:3, 3], (len(dt), 3)), yaw)
+    directions = _yawed(in_sensor @ true[:3, :3].T, yaw)
+    hits = scene.cast(origins, directions, t_end + dt, lidar.max_range)
+
+    ray = np.flatnonzero(hits.body >= WORLD)
+    distance = hits.distance[ray].astype(float)
+    reflectivity = surface_reflectivity(scene, hits, ray)
+    cosine = np.abs(np.einsum("ij,ij->i", hits.normal[ray], directions[ray]))
+    transmission = np.exp(-2 * scene.condition.extinction * distance)
+    snr = signal_to_noise(reflectivity * cosine * transmission, distance, max_range=lidar.max_range)
+    # The byte is calibrated for range, not for weather; it keeps some of the incidence angle.
+    byte = np.where(reflectivity < RETRO, 100.0, 255.0) * reflectivity * np.sqrt(cosine) * transmission
+
+    seen = rng.random(len(ray)) < detection_probability(snr)
+    ray, distance, byte, snr = ray[seen], distance[seen], byte[seen], snr[seen]
+    measured = distance + rng.normal(size=len(ray)) * range_sigma(snr)
+    measured = np.round(measured / RANGE_STEP) * RANGE_STEP
+    byte = np.clip(np.round(byte * (1 + rng.normal(size=len(ray)) * 0.1 / np.sqrt(snr))), 0, 255)
+
+    in_global = position[ray] + _yawed(transform(believed, in_sensor[ray] * measured[:, None]), yaw[ray])
+    points = transform(invert(scene.ego.pose(t_end) @ believed), in_global)
+    return LidarSweep(
+        points=points.astype(np.float32),
+        intensity=byte.astype(np.float32),
+        ring=RING[beam[ray]],
+        time=dt[ray].astype(np.float32),
+        body=hits.body[ray],
+        aimed=hits.aimed,
+        reached=hits.reached,
+    )
+
+
+def firing_pattern(lidar: Lidar) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
+    """The rays of one turn that lie in the sector, in the order of their firing.
+
+    Returns unit directions (N, 3) in the sensor frame, beam indices (N,) in firing order and times (N,) in seconds
+    relative to the turn's end. The head turns clockwise seen from above: az(t) = az0 - 2 pi f t, also within a column.
+    """
+    turn = 1 / lidar.rate
+    dt = (np.arange(lidar.columns) * turn / lidar.columns)[:, None] + np.arange(len(ELEVATION_DEG)) * FIRING - turn
+    azimuth_deg = START_DEG - 360 * lidar.rate * (dt + turn)
+    low, high = lidar.sector_deg
+    column, beam = np.nonzero((azimuth_deg - low) % 360 <= high - low)
+    azimuth, elevation = np.radians(azimuth_deg[column, beam]), np.radians(ELEVATION_DEG[beam])
+    level = np.cos(elevation)
+    directions = np.stack([-np.sin(azimuth) * level, np.cos(azimuth) * level, np.sin(elevation)], axis=1)
+    return directions, beam, dt[column, beam]
+
+
+def surface_reflectivity(scene: Scene, hits: Hits, ray: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Diffuse reflectivity at 905 nm (M,) of what the rays ``ray`` (M,) met; the ground's comes from its raster."""
+    face = hits.face[ray]
+    reflectivity = scene.surface.reflectivity[face].astype(float)
+    ground = face < scene.ground_faces
+    reflectivity[ground] = ground_table()[2][scene.ground.at(hits.local[ray[ground]])]
+    return reflectivity
+
+
+def signal_to_noise(brightness: ArrayLike, distance: ArrayLike, *, max_range: float) -> NDArray[np.float64]:
+    """Received over least detectable power, P / P_min, with P = brightness / r^2 and P_min = 0.9 / max_range^2 (LISA).
+
+    ``brightness`` is reflectivity x cos(incidence) x two-way transmission of a target that fills the beam.
+    """
+    return np.asarray(brightness) * (max_range / np.asarray(distance)) ** 2 / 0.9
+
+
+def detection_probability(snr: ArrayLike) -> NDArray[np.float64]:
+    """1 / (1 + exp(-1.5 SNR_dB)): one half at P_min, 18 % at 1 dB less; 1 % of all returns are lost whatever their power."""
+    return 0.99 / (1 + np.maximum(snr, 1e-9) ** (-15 / np.log(10)))
+
+
+def range_sigma(snr: ArrayLike) -> NDArray[np.float64]:
+    """Standard deviation of range in metres: 0.09 / sqrt(2 SNR) (LISA) over a floor of 1 cm."""
+    return 0.09 / np.sqrt(2 * np.asarray(snr)) + 0.01
+
+
+def _yawed(v: NDArray, yaw: NDArray) -> NDArray[np.float64]:
+    """Ego-axes vectors (N, 3) in global axes at headings (N,)."""
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    return np.stack([cos * v[:, 0] - sin * v[:, 1], sin * v[:, 0] + cos * v[:, 1], v[:, 2]], axis=1)

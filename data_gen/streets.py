@@ -1,0 +1,111 @@
+"""The eight road networks, taken from highway-env's environments and varied by the seed."""
+
+import math
+import os
+from collections.abc import Callable
+
+import numpy as np
+
+os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
+
+from highway_env.envs import exit_env, highway_env, intersection_env, merge_env, racetrack_env, roundabout_env  # noqa: E402
+from highway_env.envs import two_way_env, u_turn_env  # noqa: E402
+from highway_env.road.lane import LineType  # noqa: E402
+from highway_env.road.road import RoadNetwork  # noqa: E402
+
+Rng = np.random.Generator
+
+PACE = {
+    "highway": (12.0, 31.0),
+    "merge": (10.0, 28.0),
+    "exit": (10.0, 27.0),
+    "roundabout": (6.0, 12.0),
+    "intersection": (6.0, 13.0),
+    "two_way": (8.0, 25.0),
+    "racetrack": (6.0, 14.0),
+    "u_turn": (6.0, 14.0),
+}
+"""Range of a scene's desired speed in m/s."""
+
+CROSSING = ("roundabout", "intersection")
+"""Layouts where ways cross: somebody has to yield, and nobody changes lanes."""
+
+LATERAL_ACCELERATION = 3.0
+"""Comfortable in a bend, m/s^2: limits the speed on an arc to sqrt(3 radius)."""
+
+
+def build_network(name: str, pace: float, rng: Rng) -> RoadNetwork:
+    """The lanes of a layout, with speed limits for a desired speed ``pace`` in m/s. y points right here, as highway-env
+    has it."""
+    network = _NETWORKS[name](rng)
+    for lane in network.lanes_list():
+        radius = getattr(lane, "radius", math.inf)
+        lane.speed_limit = min(1.2 * pace, math.sqrt(LATERAL_ACCELERATION * radius))
+    return network
+
+
+def _network(environment: type, rng: Rng, make: str = "_make_road", **overrides) -> RoadNetwork:
+    """The network that an environment makes. It is not constructed: that would reset it twice, unseeded the first time."""
+    env = environment.__new__(environment)
+    env.config = {**environment.default_config(), **overrides}
+    env._np_random = rng
+    getattr(env, make)()
+    return env.road.network
+
+
+def _highway(rng: Rng) -> RoadNetwork:
+    return _network(highway_env.HighwayEnv, rng, "_create_road", lanes_count=int(rng.integers(2, 5)))
+
+
+def _merge(rng: Rng) -> RoadNetwork:
+    return _network(merge_env.MergeGenericEnv, rng, lanes_count=int(rng.integers(2, 4)))
+
+
+def _exit(rng: Rng) -> RoadNetwork:
+    return _network(exit_env.ExitEnv, rng, "_create_road", lanes_count=int(rng.integers(2, 5)))
+
+
+def _roundabout(rng: Rng) -> RoadNetwork:
+    radius, lanes = float(rng.uniform(18, 28)), int(rng.integers(1, 3))
+    network = _network(roundabout_env.RoundaboutGenericEnv, rng, roundabout_radius=radius, roundabout_lanes=lanes)
+    for lane in network.lanes_list():
+        lane.priority = int(hasattr(lane, "radius"))  # who is on the ring has the right of way
+    return network
+
+
+def _intersection(rng: Rng) -> RoadNetwork:
+    return _network(intersection_env.IntersectionEnv, rng)
+
+
+def _two_way(rng: Rng) -> RoadNetwork:
+    """Without the overtaking lane, which is the oncoming lane driven the other way."""
+    network = _network(two_way_env.TwoWayEnv, rng)
+    del network.graph["a"]["b"][0]
+    network.graph["a"]["b"][0].line_types = (LineType.STRIPED, LineType.CONTINUOUS)
+    network.graph["b"]["a"][0].line_types = (LineType.NONE, LineType.CONTINUOUS)
+    return network
+
+
+def _racetrack(rng: Rng) -> RoadNetwork:
+    """One of the three tracks. The oval's size is drawn here: left to itself it is drawn from an unseeded generator."""
+    size = {"length": int(rng.integers(80, 160)), "no_lanes": int(rng.integers(2, 4))}
+    track = (racetrack_env.RacetrackEnv, racetrack_env.RacetrackEnvLarge, racetrack_env.RacetrackEnvOval)[rng.integers(3)]
+    return _network(track, rng, **size)
+
+
+def _u_turn(rng: Rng) -> RoadNetwork:
+    return _network(u_turn_env.UTurnEnv, rng)
+
+
+_NETWORKS: dict[str, Callable[[Rng], RoadNetwork]] = {
+    "highway": _highway,
+    "merge": _merge,
+    "exit": _exit,
+    "roundabout": _roundabout,
+    "intersection": _intersection,
+    "two_way": _two_way,
+    "racetrack": _racetrack,
+    "u_turn": _u_turn,
+}
+
+LAYOUTS = tuple(_NETWORKS)

@@ -1,0 +1,236 @@
+"""Writes one episode as nuScenes rows and files.
+
+Everything of a scene is written under names and tokens that follow from (data set, scene) alone, and its rows go into one
+record file when all of it is on disk: a scene is there or it is not, whoever wrote it and in whatever order.
+"""
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from data_gen.capture import Firing, capture, keyframe_times
+from data_gen.mesh import Asset
+from data_gen.point_files import write_lidar, write_radar
+from data_gen.rig import Camera, Rig
+from data_gen.scene import Scene
+from data_gen.sensors.camera import CameraFrame
+from data_gen.sensors.lidar import LidarSweep
+from data_gen.sensors.radar import RadarScan
+from fusion_net.boxes import CATEGORY_TO_CLASS, CLASSES
+from fusion_net.geometry import to_quaternion
+
+Row = dict[str, Any]
+
+EPOCH_US = 1_700_000_000_000_000
+"""Time stamp of the first scene's zero; scenes follow at 100 s."""
+LABEL_RANGE = 60.0
+"""Metres from the ego within which an object is annotated, if any sensor met it in any keyframe of the scene."""
+JPEG_QUALITY = 92
+DEPTH_SCALE = 256.0  # depth image: 1/256 m, KITTI's convention
+
+
+def token(*parts: str | int) -> str:
+    """32 hexadecimal digits that follow from the parts."""
+    return hashlib.blake2b(repr(parts).encode(), digest_size=16).hexdigest()
+
+
+def write_scene(
+    scene: Scene, rig: Rig, *, root: Path, dataset: str, index: int, keyframes: int, seed: int, layout: str
+) -> dict[str, list[Row]]:
+    """Renders and writes a scene; returns its rows by table name. Raises OSError when the disk does not take them."""
+    return _SceneWriter(scene, rig, root, dataset, index, layout).run(keyframes, seed)
+
+
+class _SceneWriter:
+    def __init__(self, scene: Scene, rig: Rig, root: Path, dataset: str, index: int, layout: str) -> None:
+        self.scene, self.rig, self.root, self.dataset, self.layout = scene, rig, root, dataset, layout
+        self.start = EPOCH_US + index * 100_000_000
+        self.log = f"{dataset}-{scene.name}"
+        self.rows: dict[str, list[Row]] = {
+            name: [] for name in ("log", "map", "scene", "sample", "sample_data", "ego_pose", "instance", "sample_annotation")
+        }
+
+    def run(self, keyframes: int, seed: int) -> dict[str, list[Row]]:
+        times = keyframe_times(self.rig, keyframes)
+        samples = [token(self.log, "sample", k) for k in range(keyframes)]
+        seen = [_Seen(len(self.scene.actors)) for _ in range(keyframes)]
+        self._log_and_map()
+        for firing in capture(self.scene, self.rig, keyframes=keyframes, seed=seed):
+            self._sample_data(firing, samples[firing.keyframe])
+            if firing.is_keyframe:
+                seen[firing.keyframe].add(firing.data)
+        self._link_sample_data()
+        for k, sample in enumerate(samples):
+            neighbours = {"prev": samples[k - 1] if k else "", "next": samples[k + 1] if k + 1 < keyframes else ""}
+            stamp = self._stamp(float(times[k]))
+            self.rows["sample"].append(
+                {"token": sample, "timestamp": stamp, "scene_token": token(self.log, "scene"), **neighbours}
+            )
+        self._annotations(times, samples, seen)
+        condition = self.scene.condition
+        self.rows["scene"].append(
+            {
+                "token": token(self.log, "scene"),
+                "log_token": token(self.log),
+                "nbr_samples": keyframes,
+                "first_sample_token": samples[0],
+                "last_sample_token": samples[-1],
+                "name": self.scene.name,
+                "description": f"{self.layout}, {condition.name}",
+                "condition": {name: getattr(condition, name) for name in condition.__dataclass_fields__},
+            }
+        )
+        return self.rows
+
+    def _stamp(self, t: float) -> int:
+        return self.start + round(t * 1e6)
+
+    def _log_and_map(self) -> None:
+        filename = f"maps/{self.log}.png"
+        mask = np.flipud(self.scene.ground.drivable).astype(np.uint8) * 255  # image rows run down, y runs up
+        _write_image(self.root / filename, mask, [cv2.IMWRITE_PNG_BILEVEL, 1, cv2.IMWRITE_PNG_COMPRESSION, 1])
+        self.rows["log"].append(
+            {"token": token(self.log), "logfile": self.log, "vehicle": self.rig.name, "date_captured": "2026-01-01",
+             "location": self.layout}
+        )  # fmt: skip
+        self.rows["map"].append(
+            {"token": token(self.log, "map"), "log_tokens": [token(self.log)], "category": "semantic_prior",
+             "filename": filename}
+        )  # fmt: skip
+
+    def _sample_data(self, firing: Firing, sample: str) -> None:
+        mount = self.rig.sensors[firing.channel]
+        stamp = self._stamp(firing.time)
+        is_camera = isinstance(mount, Camera)
+        kind = "samples" if firing.is_keyframe else "sweeps"
+        suffix = {CameraFrame: "jpg", LidarSweep: "pcd.bin", RadarScan: "pcd"}[type(firing.data)]
+        filename = f"{kind}/{firing.channel}/{self.log}__{firing.channel}__{stamp}.{suffix}"
+        self._write_reading(self.root / filename, firing.data)
+        key = token(self.log, firing.channel, stamp)
+        pose = self.scene.ego.pose(firing.time)
+        self.rows["ego_pose"].append(
+            {"token": key, "timestamp": stamp, "rotation": to_quaternion(pose).tolist(), "translation": pose[:3, 3].tolist()}
+        )
+        self.rows["sample_data"].append(
+            {
+                "token": key,
+                "sample_token": sample,
+                "ego_pose_token": key,
+                "calibrated_sensor_token": token(self.dataset, self.rig.name, firing.channel, "calibration"),
+                "timestamp": stamp,
+                "fileformat": "jpg" if is_camera else "pcd",
+                "is_key_frame": firing.is_keyframe,
+                "height": mount.height if isinstance(mount, Camera) else 0,
+                "width": mount.width if isinstance(mount, Camera) else 0,
+                "filename": filename,
+                "prev": "",
+                "next": "",
+            }
+        )
+
+    def _write_reading(self, path: Path, data: CameraFrame | LidarSweep | RadarScan) -> None:
+        if isinstance(data, LidarSweep):
+            write_lidar(path, data)
+        elif isinstance(data, RadarScan):
+            write_radar(path, data)
+        else:
+            _write_image(path, data.image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+            depth = np.where(data.depth * DEPTH_SCALE < 65_535, np.round(data.depth * DEPTH_SCALE), 0)
+            _write_image(path.with_suffix(".depth.png"), depth.astype(np.uint16), [cv2.IMWRITE_PNG_COMPRESSION, 1])
+            classes = np.array([class_id(actor.asset) for actor in self.scene.actors] + [0, 0], np.uint8)
+            _write_image(path.with_suffix(".class.png"), classes[data.body], [cv2.IMWRITE_PNG_COMPRESSION, 1])
+
+    def _link_sample_data(self) -> None:
+        channels: dict[str, list[Row]] = {}
+        for row in self.rows["sample_data"]:
+            channels.setdefault(row["calibrated_sensor_token"], []).append(row)
+        for rows in channels.values():
+            for before, after in zip(rows, rows[1:], strict=False):
+                before["next"], after["prev"] = after["token"], before["token"]
+
+    def _annotations(self, times: np.ndarray, samples: list[str], seen: list["_Seen"]) -> None:
+        ego = self.scene.ego.at(times)[0]
+        ever = np.sum([s.lidar_points + s.radar_points + s.reached for s in seen], axis=0) > 0
+        for index, actor in enumerate(self.scene.actors):
+            if not actor.asset.category or not ever[index]:
+                continue
+            position, yaw, velocity = actor.track.at(times)
+            near = np.flatnonzero(np.hypot(*(position - ego)[:, :2].T) < LABEL_RANGE)
+            if not len(near):
+                continue
+            instance = token(self.log, "instance", actor.instance)
+            keys = [token(instance, int(k)) for k in near]
+            length, width, height = actor.asset.size
+            for place, k in enumerate(near):
+                center = position[k] + (0, 0, height / 2)
+                half = yaw[k] / 2
+                self.rows["sample_annotation"].append(
+                    {
+                        "token": keys[place],
+                        "sample_token": samples[k],
+                        "instance_token": instance,
+                        "visibility_token": str(seen[k].visibility(index)),
+                        "attribute_tokens": [token("attribute", actor.attribute)] if actor.attribute else [],
+                        "translation": center.tolist(),
+                        "size": [width, length, height],
+                        "rotation": [float(np.cos(half)), 0.0, 0.0, float(np.sin(half))],
+                        "prev": keys[place - 1] if place else "",
+                        "next": keys[place + 1] if place + 1 < len(near) else "",
+                        "num_lidar_pts": int(seen[k].lidar_points[index]),
+                        "num_radar_pts": int(seen[k].radar_points[index]),
+                        "velocity": velocity[k][:2].tolist(),  # exact; the official one is by finite differences
+                    }
+                )
+            self.rows["instance"].append(
+                {
+                    "token": instance,
+                    "category_token": token("category", actor.asset.category),
+                    "nbr_annotations": len(near),
+                    "first_annotation_token": keys[0],
+                    "last_annotation_token": keys[-1],
+                }
+            )
+
+
+class _Seen:
+    """What the sensors of one keyframe got of each actor."""
+
+    def __init__(self, actors: int) -> None:
+        self.lidar_points, self.radar_points, self.aimed, self.reached = np.zeros((4, actors), np.int64)
+
+    def add(self, data: CameraFrame | LidarSweep | RadarScan) -> None:
+        if not isinstance(data, CameraFrame):
+            points = self.lidar_points if isinstance(data, LidarSweep) else self.radar_points
+            points += np.bincount(data.body[data.body >= 0], minlength=len(points))
+        if not isinstance(data, RadarScan):
+            self.aimed += data.aimed
+            self.reached += data.reached
+
+    def visibility(self, index: int) -> int:
+        """nuScenes' level 1..4 (0-40, 40-60, 60-80, 80-100 %): the share of camera and LiDAR rays through the object that
+        nothing stops before it."""
+        share = self.reached[index] / max(self.aimed[index], 1)
+        return 1 + int(share > 0.4) + int(share > 0.6) + int(share > 0.8)
+
+
+def class_id(asset: Asset) -> int:
+    """1 + the index of the asset's detection class, 0 for what is no object."""
+    return 1 + CLASSES.index(CATEGORY_TO_CLASS[asset.category]) if asset.category else 0
+
+
+def write_json(path: Path, value: Any) -> None:
+    """Writes JSON so that a reader sees the whole file or none of it."""
+    partial = path.with_name(path.name + ".part")
+    partial.write_text(json.dumps(value, separators=(",", ":")))
+    partial.replace(path)
+
+
+def _write_image(path: Path, image: np.ndarray, options: list[int]) -> None:
+    ok, encoded = cv2.imencode(path.suffix, image, options)
+    if not ok:
+        raise OSError(f"could not encode {path.name}")
+    path.write_bytes(encoded.tobytes())

@@ -1,0 +1,17 @@
+"""``python eval.py run=runs/NAME``: what each sensor is worth to a trained detector."""
+
+from omegaconf import DictConfig
+
+from fusion_net.cli import command
+
+
+@command(config_name="eval")
+def main(cfg: DictConfig) -> None:
+    """Scores the run ``cfg.run`` with every subset of its sensors and writes tables and pictures beside it."""
+    from fusion_net.evaluation.evaluate import evaluate_run
+
+    evaluate_run(cfg)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,103 @@
+"""The folder of one run: its settings, surroundings and checkpoints, written once and never overwritten unasked."""
+
+import json
+import os
+import platform
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import torch
+from omegaconf import DictConfig, OmegaConf
+
+
+def open_run(folder: Path, cfg: DictConfig, *, resume: bool, overwrite: bool) -> Path:
+    """Creates ``folder`` with config.yaml and env.json. ValueError when it exists and neither flag is set."""
+    checkpoint = folder / "checkpoints" / "last.ckpt"
+    if resume:
+        if not checkpoint.exists():
+            raise ValueError(f"nothing to resume: {checkpoint} does not exist; drop resume=true to start {folder.name}")
+        _refuse_other_model(folder, cfg)
+    elif (folder / "config.yaml").exists() and not overwrite:
+        raise ValueError(f"{folder} exists; pass name=ANOTHER, resume=true to go on, or overwrite=true to start it again")
+    elif overwrite:
+        for old in ("metrics.csv", "checkpoints/last.ckpt", "checkpoints/best.ckpt"):
+            (folder / old).unlink(missing_ok=True)
+    (folder / "checkpoints").mkdir(parents=True, exist_ok=True)
+    OmegaConf.save(cfg, folder / "config.yaml", resolve=True)
+    (folder / "env.json").write_text(json.dumps(environment(), indent=1) + "\n")
+    return folder
+
+
+def load_config(folder: Path) -> DictConfig:
+    """The settings a run was trained with. FileNotFoundError when there is no such run."""
+    path = folder / "config.yaml"
+    if not path.exists():
+        near = sorted(p.parent.name for p in folder.parent.glob("*/config.yaml")) if folder.parent.is_dir() else []
+        known = f"there are {', '.join(near)}" if near else "train one: python train.py experiment=nano name=NAME"
+        raise FileNotFoundError(f"no run at {folder}; {known}")
+    loaded = OmegaConf.load(path)
+    assert isinstance(loaded, DictConfig)
+    return loaded
+
+
+def load_weights(model: torch.nn.Module, checkpoint: Path) -> None:
+    """Loads a checkpoint's model into ``model``. ValueError when it belongs to another model or is damaged."""
+    if not checkpoint.exists():
+        others = sorted(p.name for p in checkpoint.parent.glob("*.ckpt"))
+        raise FileNotFoundError(f"no checkpoint {checkpoint}; there are {', '.join(others) or 'none'}")
+    try:
+        state = torch.load(checkpoint, map_location="cpu", weights_only=True)["state_dict"]
+    except Exception as error:  # torch raises many kinds for a truncated or foreign file
+        raise ValueError(f"{checkpoint} is not a readable checkpoint ({type(error).__name__}); train the run again") from error
+    weights = {key.removeprefix("model."): value for key, value in state.items() if key.startswith("model.")}
+    own = model.state_dict()
+    wrong = [k for k in own if k not in weights or weights[k].shape != own[k].shape] + [k for k in weights if k not in own]
+    if wrong:
+        raise ValueError(f"{checkpoint} is of another model: {len(wrong)} tensors differ, the first is '{wrong[0]}'")
+    model.load_state_dict(weights)
+
+
+def environment() -> dict[str, Any]:
+    """What a result depends on beside its settings: code, versions, processor."""
+    import lightning
+    import numpy
+
+    return {
+        "command": " ".join([Path(sys.argv[0]).name, *sys.argv[1:]]),
+        "git": git_revision(),
+        "python": platform.python_version(),
+        "torch": torch.__version__,
+        "lightning": lightning.__version__,
+        "numpy": numpy.__version__,
+        "processor": _processor(),
+        "cores": os.cpu_count(),
+        "threads": torch.get_num_threads(),
+    }
+
+
+def git_revision() -> str:
+    """Commit of the source tree, with "+" when it has changes; "" outside a repository."""
+    here = Path(__file__).resolve().parent
+
+    def git(*arguments: str) -> str:
+        done = subprocess.run(["git", *arguments], cwd=here, capture_output=True, text=True, check=False)
+        return done.stdout.strip()
+
+    revision = git("rev-parse", "--short", "HEAD")
+    return revision + ("+" if revision and git("status", "--porcelain", "--untracked-files=no") else "")
+
+
+def _processor() -> str:
+    info = Path("/proc/cpuinfo")
+    names = [line.split(":", 1)[1].strip() for line in info.read_text().splitlines() if line.startswith("model name")] \
+        if info.exists() else []  # fmt: skip
+    return names[0] if names else platform.processor()
+
+
+def _refuse_other_model(folder: Path, cfg: DictConfig) -> None:
+    old = load_config(folder)
+    for key in ("model", "encoders", "fuser", "grid", "classes"):
+        if key in old and OmegaConf.to_container(old, resolve=True)[key] != OmegaConf.to_container(cfg, resolve=True)[key]:
+            raise ValueError(f"{folder} was trained with another '{key}'; resume with the same, or pass name=ANOTHER")

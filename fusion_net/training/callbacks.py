@@ -1,0 +1,129 @@
+"""What happens around the training steps: rates and stages, lines on the terminal, metrics.csv, memory."""
+
+import csv
+import math
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import lightning.pytorch as pl
+import torch
+from tqdm import tqdm
+
+from fusion_net.data.datamodule import trim_memory
+from fusion_net.training.plan import TrainingPlan
+
+
+class PlanCallback(pl.Callback):
+    """Moves the module through its plan: stage, learning rate, end. Its clock survives a resume.
+
+    It also seeds torch from (seed, step) before each step, which makes a resumed run equal to an uninterrupted one.
+    """
+
+    def __init__(self, plan: TrainingPlan, *, seed: int) -> None:
+        self.plan, self.seed = plan, seed
+        self.elapsed, self._tick = 0.0, math.nan
+
+    def on_train_start(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
+        """Starts the clock."""
+        self._tick = time.perf_counter()
+
+    def on_train_batch_start(self, trainer, pl_module, batch, batch_idx) -> int | None:
+        """Sets stage, share, rate and random state of this step; -1 ends the epoch once the plan is over."""
+        now = time.perf_counter()
+        self.elapsed, self._tick = self.elapsed + now - self._tick, now
+        stage, share = self.plan.position(trainer.global_step, self.elapsed)
+        if share >= 1:
+            trainer.should_stop = True
+            return -1
+        pl_module.enter(stage, share)
+        for group in trainer.optimizers[0].param_groups:
+            group["lr"] = self.plan.learning_rate(share) * group.get("lr_scale", 1.0)
+        torch.manual_seed(hash((self.seed, trainer.global_step)))
+        return None
+
+    def on_train_batch_end(self, trainer, pl_module, outputs, batch, batch_idx) -> None:
+        """Gives fragmented heap back every 50 steps: clouds of varying length otherwise grow the process to many GB."""
+        if trainer.global_step % 50 == 0:
+            trim_memory()
+
+    def on_validation_start(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
+        """Stops the clock: validation is not charged to the plan."""
+        self.elapsed += 0.0 if math.isnan(self._tick) else time.perf_counter() - self._tick
+
+    def on_validation_end(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
+        """Goes on."""
+        self._tick = time.perf_counter()
+
+    def state_dict(self) -> dict[str, Any]:
+        """Clock and stage, for the checkpoint."""
+        return {"elapsed": self.elapsed, "fusion_began": self.plan.fusion_began}
+
+    def load_state_dict(self, state_dict: dict[str, Any]) -> None:
+        """Clock and stage of the interrupted run."""
+        self.elapsed = state_dict["elapsed"]
+        began = state_dict["fusion_began"]
+        self.plan.fusion_began = None if began is None else (int(began[0]), float(began[1]))
+
+
+class TerminalProgress(pl.Callback):
+    """One bar on a terminal, plain lines elsewhere."""
+
+    def __init__(self, total_steps: int, *, every: int = 100) -> None:
+        self.total, self.every = total_steps, every
+        self._bar: tqdm | None = None
+        self._seen, self._since = 0, time.perf_counter()
+
+    def on_train_start(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
+        """Opens the bar."""
+        if sys.stderr.isatty():
+            self._bar = tqdm(total=self.total, initial=trainer.global_step, unit="step", ascii=True)
+        self._seen, self._since = trainer.global_step, time.perf_counter()
+
+    def on_train_batch_end(self, trainer, pl_module, outputs, batch, batch_idx) -> None:
+        """Advances the bar, or prints a line every ``every`` steps."""
+        step = trainer.global_step
+        loss = float(outputs["loss"])
+        if self._bar is not None:
+            self._bar.set_postfix_str(f"{pl_module.stage} loss {loss:.3f}", refresh=False)
+            self._bar.update(step - self._bar.n)
+        elif step % self.every == 0 and step > self._seen:
+            now = time.perf_counter()
+            rate = (step - self._seen) * batch.size / (now - self._since)
+            print(f"step {step}/{self.total} {pl_module.stage:6} loss {loss:7.3f}  {rate:5.1f} samples/s", flush=True)
+            self._seen, self._since = step, now
+
+    def on_train_end(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
+        """Closes the bar."""
+        if self._bar is not None:
+            self._bar.close()
+
+
+class MetricsCSV(pl.Callback):
+    """Appends scalars to metrics.csv as (step, name, value) rows; a resumed run goes on in the same file.
+
+    Lightning's own CSV logger starts the file again on resume.
+    """
+
+    def __init__(self, path: Path, *, every: int = 20) -> None:
+        self.path, self.every = path, every
+
+    def on_train_batch_end(self, trainer, pl_module, outputs, batch, batch_idx) -> None:
+        """Writes the step's losses."""
+        if trainer.global_step % self.every == 0:
+            self._append(trainer, "train/")
+
+    def on_validation_epoch_end(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
+        """Writes the scores."""
+        self._append(trainer, "val/")
+
+    def _append(self, trainer: pl.Trainer, prefix: str) -> None:
+        is_new = not self.path.exists()
+        with self.path.open("a", newline="") as file:
+            writer = csv.writer(file)
+            if is_new:
+                writer.writerow(["step", "name", "value"])
+            for name, value in trainer.callback_metrics.items():
+                if name.startswith(prefix):
+                    writer.writerow([trainer.global_step, name, f"{float(value):.6g}"])

@@ -1,0 +1,143 @@
+import hashlib
+import json
+
+import pytest
+
+from data_gen.conditions import ConditionMix
+from data_gen.episode import Scenario
+from data_gen.generate import DataConfig, Job, generate, record_path
+from data_gen.rig import Camera, Lidar, Radar, Rig
+
+
+@pytest.fixture(scope="module")
+def rig():
+    return Rig(
+        name="tiny",
+        sweeps={"radar": 1, "lidar": 1},
+        cameras={
+            "CAM_FRONT": Camera(
+                translation=[1.7, 0.1, 1.5], rotation_deg=[1.0, 2.0, -3.0], rate=30.0, width=64, height=32, hfov_deg=70.0
+            )
+        },
+        lidars={"LIDAR_TOP": Lidar(translation=[0.9, 0.0, 1.8], rate=10.0, columns=180)},
+        radars={"RADAR_FRONT": Radar(translation=[3.4, 0.0, 0.5], rate=20.0)},
+    )
+
+
+def job(root, rig, *, num_scenes=3, seed=5, **weights):
+    data = DataConfig(
+        name="tiny", root=str(root), num_scenes=num_scenes, keyframes=2, split_weights=weights or {"train": 1, "val": 1}
+    )
+    scenario = Scenario(layouts={"train": {"highway": 1, "two_way": 1}})
+    return Job(data=data, rig=rig, scenario=scenario, condition=ConditionMix.only("clear"), seed=seed)
+
+
+def settings(seed=5):
+    return {"seed": seed, "rig": "tiny"}
+
+
+def tree_hash(root):
+    files = sorted(p for p in root.rglob("*") if p.is_file() and p.name not in (".lock", "manifest.json"))
+    return {str(p.relative_to(root)): hashlib.sha256(p.read_bytes()).hexdigest() for p in files}
+
+
+@pytest.fixture(scope="module")
+def tree(rig, tmp_path_factory):
+    root = tmp_path_factory.mktemp("data") / "tree"
+    generate(job(root, rig), settings=settings(), workers=1)
+    return root
+
+
+def table(root, name):
+    return json.loads((root / "v1.0-tiny" / f"{name}.json").read_text())
+
+
+def test_every_link_between_tables_holds(tree):
+    tokens = {name: {row["token"] for row in table(tree, name)} for name in (
+        "sample", "scene", "log", "instance", "category", "attribute", "ego_pose", "calibrated_sensor", "sensor")}  # fmt: skip
+    for row in table(tree, "sample_data"):
+        assert row["sample_token"] in tokens["sample"]
+        assert row["ego_pose_token"] in tokens["ego_pose"]
+        assert row["calibrated_sensor_token"] in tokens["calibrated_sensor"]
+        assert (tree / row["filename"]).is_file()
+    for row in table(tree, "sample_annotation"):
+        assert row["sample_token"] in tokens["sample"]
+        assert row["instance_token"] in tokens["instance"]
+        assert set(row["attribute_tokens"]) <= tokens["attribute"]
+        assert min(row["size"]) > 0
+    assert {row["scene_token"] for row in table(tree, "sample")} == tokens["scene"]
+    mapped = {t for row in table(tree, "map") for t in row["log_tokens"]}
+    assert mapped == tokens["log"]
+
+
+def test_chains_of_a_channel_run_forward_in_time(tree):
+    rows = {row["token"]: row for row in table(tree, "sample_data")}
+    for row in rows.values():
+        if row["next"]:
+            assert rows[row["next"]]["timestamp"] > row["timestamp"]
+            assert rows[row["next"]]["prev"] == row["token"]
+    sweeps = [row for row in rows.values() if not row["is_key_frame"]]
+    stamps = {row["token"]: row["timestamp"] for row in table(tree, "sample")}
+    assert sweeps
+    assert all(row["timestamp"] <= stamps[row["sample_token"]] for row in rows.values())
+
+
+def test_labels_move_by_their_velocity(tree):
+    by_instance = {}
+    stamps = {row["token"]: row["timestamp"] for row in table(tree, "sample")}
+    for row in table(tree, "sample_annotation"):
+        by_instance.setdefault(row["instance_token"], []).append(row)
+    pairs = [rows for rows in by_instance.values() if len(rows) == 2]
+    assert pairs
+    for first, second in pairs:
+        dt = (stamps[second["sample_token"]] - stamps[first["sample_token"]]) / 1e6
+        for axis in range(2):
+            mean = (first["velocity"][axis] + second["velocity"][axis]) / 2
+            assert (second["translation"][axis] - first["translation"][axis]) / dt == pytest.approx(mean, abs=1.0)
+
+
+def test_two_workers_write_the_same_bytes(tree, rig, tmp_path):
+    generate(job(tmp_path / "two", rig), settings=settings(), workers=2)
+    assert tree_hash(tmp_path / "two") == tree_hash(tree)
+
+
+def test_an_interrupted_run_goes_on_to_the_same_tree(tree, rig, tmp_path, monkeypatch):
+    root = tmp_path / "cut"
+    whole, made = Job.make, []
+
+    def cut_short(self, index, split):
+        if index == 1 and not made:
+            made.append(index)
+            raise KeyboardInterrupt
+        whole(self, index, split)
+
+    monkeypatch.setattr(Job, "make", cut_short)
+    with pytest.raises(KeyboardInterrupt):
+        generate(job(root, rig), settings=settings(), workers=1)
+    assert record_path(root, 0).exists()
+    assert not json.loads((root / "manifest.json").read_text())["complete"]
+    generate(job(root, rig), settings=settings(), workers=1)
+    assert tree_hash(root) == tree_hash(tree)
+
+
+def test_other_settings_in_the_same_folder_are_refused_and_nothing_is_lost(tree, rig):
+    before = tree_hash(tree)
+    with pytest.raises(ValueError, match="seed: 5 there, 6 asked for"):
+        generate(job(tree, rig, seed=6), settings=settings(seed=6), workers=1)
+    assert tree_hash(tree) == before
+
+
+def test_a_folder_with_other_files_is_refused(rig, tmp_path):
+    (tmp_path / "thesis.txt").write_text("mine")
+    with pytest.raises(ValueError, match="holds other files"):
+        generate(job(tmp_path, rig), settings=settings(), workers=1)
+    assert (tmp_path / "thesis.txt").read_text() == "mine"
+
+
+def test_more_scenes_begin_like_fewer(tree, rig, tmp_path):
+    longer = job(tmp_path / "x", rig, num_scenes=50, train=20, val=2, test=1).data.splits()
+    shorter = job(tmp_path / "x", rig, num_scenes=20, train=20, val=2, test=1).data.splits()
+    assert longer[:20] == shorter
+    assert set(shorter) == {"train", "val", "test"}
+    many = job(tmp_path / "x", rig, num_scenes=920, train=20, val=2, test=1).data.splits()
+    assert [many.count(s) for s in ("train", "val", "test")] == [800, 80, 40]

@@ -1,0 +1,47 @@
+import pytest
+import torch
+from omegaconf import OmegaConf
+
+from fusion_net.run_dir import load_config, load_weights, open_run
+
+CONFIG = OmegaConf.create({"model": {"width": 8}, "encoders": ["camera"], "fuser": "concat", "grid": {"cell": 0.8}, "seed": 1})
+
+
+def test_a_run_that_exists_is_not_overwritten(tmp_path):
+    folder = open_run(tmp_path / "a", CONFIG, resume=False, overwrite=False)
+    assert load_config(folder).seed == 1
+    assert (folder / "env.json").exists()
+    with pytest.raises(ValueError, match="resume=true"):
+        open_run(folder, CONFIG, resume=False, overwrite=False)
+
+
+def test_resume_needs_a_checkpoint_and_the_same_model(tmp_path):
+    folder = open_run(tmp_path / "a", CONFIG, resume=False, overwrite=False)
+    with pytest.raises(ValueError, match="nothing to resume"):
+        open_run(folder, CONFIG, resume=True, overwrite=False)
+    (folder / "checkpoints" / "last.ckpt").write_bytes(b"x")
+    open_run(folder, OmegaConf.merge(CONFIG, {"seed": 2}), resume=True, overwrite=False)
+    with pytest.raises(ValueError, match="another 'model'"):
+        open_run(folder, OmegaConf.merge(CONFIG, {"model": {"width": 9}}), resume=True, overwrite=False)
+
+
+def test_a_missing_run_lists_those_there_are(tmp_path):
+    open_run(tmp_path / "baseline", CONFIG, resume=False, overwrite=False)
+    with pytest.raises(FileNotFoundError, match="there are baseline"):
+        load_config(tmp_path / "basline")
+
+
+def test_weights_come_back_and_foreign_ones_are_refused(tmp_path):
+    model = torch.nn.Linear(3, 2)
+    path = tmp_path / "a.ckpt"
+    torch.save({"state_dict": {f"model.{k}": v for k, v in model.state_dict().items()}}, path)
+    other = torch.nn.Linear(3, 2)
+    load_weights(other, path)
+    assert torch.equal(other.weight, model.weight)
+    with pytest.raises(ValueError, match="another model: 2 tensors differ, the first is 'weight'"):
+        load_weights(torch.nn.Linear(4, 5), path)
+    path.write_bytes(path.read_bytes()[:100])
+    with pytest.raises(ValueError, match="not a readable checkpoint"):
+        load_weights(other, path)
+    with pytest.raises(FileNotFoundError, match=r"there are a\.ckpt"):
+        load_weights(other, tmp_path / "b.ckpt")

@@ -9,6 +9,11 @@ from beartype import beartype
 CLEAR_MOR = 20_000.0
 """Meteorological optical range of clear air in metres."""
 
+Number = float | int  # YAML writes 0 for 0.0
+
+DECADES = ("illuminance", "visibility")
+"""Quantities that span decades."""
+
 
 @beartype
 @dataclass(frozen=True)
@@ -52,30 +57,34 @@ class Condition:
 class Preset:
     """Conditions of one kind: the [lowest, highest] value of each field of :class:`Condition`, in its units.
 
-    Illuminance and visibility span decades and are drawn evenly in their logarithm, the others evenly.
+    The ``DECADES`` are drawn evenly in their logarithm, the others evenly.
     """
 
-    illuminance: list[float]
-    sun_elevation: list[float]
-    sun_azimuth: list[float] = field(default_factory=lambda: [-180.0, 180.0])
-    visibility: list[float] = field(default_factory=lambda: [CLEAR_MOR, CLEAR_MOR])
-    rain_rate: list[float] = field(default_factory=lambda: [0.0, 0.0])
-    water_film: list[float] = field(default_factory=lambda: [0.0, 0.0])
+    illuminance: list[Number]
+    sun_elevation: list[Number]
+    sun_azimuth: list[Number] = field(default_factory=lambda: [-180.0, 180.0])
+    visibility: list[Number] = field(default_factory=lambda: [CLEAR_MOR, CLEAR_MOR])
+    rain_rate: list[Number] = field(default_factory=lambda: [0.0, 0.0])
+    water_film: list[Number] = field(default_factory=lambda: [0.0, 0.0])
     spray: bool = False
+
+    def __post_init__(self) -> None:
+        for key, bounds in self._ranges().items():
+            if len(bounds) != 2 or not bounds[0] <= bounds[1]:
+                raise ValueError(f"condition: {key}={bounds} is not [lowest, highest]")
+            if key in DECADES and bounds[0] <= 0:
+                raise ValueError(f"condition: {key}={bounds} must be above 0, as it is drawn on a logarithmic scale")
 
     def draw(self, name: str, rng: np.random.Generator) -> Condition:
         """One condition of this kind, called ``name``."""
         values = {}
-        for key, bounds in vars(self).items():
-            if key == "spray":
-                continue
-            if len(bounds) != 2 or bounds[0] > bounds[1]:
-                raise ValueError(f"condition '{name}': {key}={bounds} is not [lowest, highest]")
-            decades = key in ("illuminance", "visibility") and bounds[0] > 0
-            low, high = np.log(bounds) if decades else bounds
-            value = low + (high - low) * rng.random()
-            values[key] = float(np.exp(value) if decades else value)
+        for key, (low, high) in self._ranges().items():
+            share = rng.random()
+            values[key] = float(low * (high / low) ** share if key in DECADES else low + (high - low) * share)
         return Condition(name=name, spray=self.spray, **values)
+
+    def _ranges(self) -> dict[str, list[Number]]:
+        return {key: value for key, value in vars(self).items() if key != "spray"}
 
 
 @beartype
@@ -84,7 +93,7 @@ class ConditionMix:
     """Presets by name, and the share of scenes that each gets (in proportion to ``weights``)."""
 
     presets: dict[str, Preset]
-    weights: dict[str, float]
+    weights: dict[str, Number]
 
     def __post_init__(self) -> None:
         if unknown := sorted(self.weights.keys() - self.presets.keys()):

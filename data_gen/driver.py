@@ -36,7 +36,11 @@ class Streets(RegulatedRoad):
         """The nearest object ahead of and behind ``vehicle`` on a lane and the lanes joined to it."""
         index = lane_index or vehicle.lane_index
         joined = self.joined(index)
-        own = vehicle.s if index == vehicle.lane_index else self.network.get_lane(index).local_coordinates(vehicle.position)[0]
+        own = (
+            vehicle.s
+            if index == vehicle.lane_index
+            else self.network.get_lane(index).local_coordinates(vehicle.position)[0]
+        )
         ahead = behind = None
         nearest_ahead, nearest_behind = math.inf, -math.inf
         for other in self.vehicles + self.objects:
@@ -67,7 +71,8 @@ class Streets(RegulatedRoad):
         near = np.square(positions_1 - positions_2).sum(axis=1) < 36
         return any(
             rotated_rectangles_intersect(
-                (positions_1[i], 7.5, 1.8, headings_1[i]), (positions_2[i], 7.5, 1.8, headings_2[i]))
+                (positions_1[i], 7.5, 1.8, headings_1[i]), (positions_2[i], 7.5, 1.8, headings_2[i])
+            )
             for i in np.flatnonzero(near)
         )
 
@@ -89,10 +94,19 @@ class Driver(IDMVehicle):
     LANE_CHANGE_MIN_ACC_GAIN = 0.2
     LANE_CHANGE_MAX_BRAKING_IMPOSED = 2.0
     LANE_CHANGE_DELAY = 1.0
+    KP_HEADING = 3.0
+    KP_LATERAL = 1.0
+    TAU_PURSUIT = 1 / KP_HEADING  # looks ahead just so far that a steady bend leaves no error
+    APPROACH = 0.25  # steepest angle towards the lane's centre, radians: highway-env's 45 degrees swerve
+    SLIP_RATE = 0.7  # rad/s
+    MAX_STEERING_ANGLE = 0.63  # a slip of 0.35 rad, a circle of 7.3 m: a car cannot turn tighter
+    LATERAL_MAX = 5.0  # m/s^2 across: highway-env's drivers turn with 11 and more
     LENGTH = 5.0
     WIDTH = 2.0
 
-    def __init__(self, road: Streets, index: LaneIndex, s: float, speed: float, *, target_speed: float, route, change: bool):
+    def __init__(
+        self, road: Streets, index: LaneIndex, s: float, speed: float, *, target_speed: float, route, change: bool
+    ):
         # The base classes would search every lane for the one we know.
         lane = road.network.get_lane(index)
         self.road, self.s, self.slip = None, s, 0.0
@@ -127,9 +141,11 @@ class Driver(IDMVehicle):
         along, across = lane.local_coordinates(self.position)
         speed = max(self.speed, 0.01)
         approach = math.asin(max(-1.0, min(1.0, -self.KP_LATERAL * across / speed)))
-        heading = lane.heading_at(along + speed * self.TAU_PURSUIT) + max(-math.pi / 4, min(math.pi / 4, approach))
+        heading = lane.heading_at(along + speed * self.TAU_PURSUIT) + max(-self.APPROACH, min(self.APPROACH, approach))
         error = (heading - self.heading + math.pi) % (2 * math.pi) - math.pi
-        slip = math.asin(max(-1.0, min(1.0, self.LENGTH / 2 / speed * self.KP_HEADING * error)))
+        fastest = self.LATERAL_MAX / max(speed, 3.0)
+        rate = max(-fastest, min(fastest, self.KP_HEADING * error))
+        slip = math.asin(max(-1.0, min(1.0, self.LENGTH / 2 / speed * rate)))
         limit = self.MAX_STEERING_ANGLE
         return max(-limit, min(limit, math.atan(2 * math.tan(slip))))
 
@@ -137,7 +153,7 @@ class Driver(IDMVehicle):
         """The kinematic bicycle of highway-env by the midpoint rule, so that recorded velocities fit the positions to
         second order. Nobody drives backwards."""
         self.timer += dt
-        slip = math.atan(math.tan(self.action["steering"]) / 2)
+        slip = self.next_slip(dt)
         acceleration = max(self.action["acceleration"], -self.speed / dt)
         speed = self.speed + acceleration * dt / 2
         turn = speed * math.sin(slip) / (self.LENGTH / 2) * dt
@@ -147,6 +163,11 @@ class Driver(IDMVehicle):
         self.speed += acceleration * dt
         self.slip = slip
         self.on_state_update()
+
+    def next_slip(self, dt: float) -> float:
+        """Slip angle of the coming step: what the steering asks for, as quickly as the wheel turns."""
+        wanted = math.atan(math.tan(self.action["steering"]) / 2)
+        return max(self.slip - self.SLIP_RATE * dt, min(self.slip + self.SLIP_RATE * dt, wanted))
 
     def on_state_update(self) -> None:
         """Follow the lane; look again, on this road and the next, once outside of it."""

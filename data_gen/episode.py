@@ -23,7 +23,9 @@ class Scenario:
         for split, weights in self.layouts.items():
             unknown = sorted(set(weights) - set(LAYOUTS))
             if unknown:
-                raise ValueError(f"scenario.layouts.{split}: unknown layout '{unknown[0]}'; there are {', '.join(LAYOUTS)}")
+                raise ValueError(
+                    f"scenario.layouts.{split}: unknown layout '{unknown[0]}'; there are {', '.join(LAYOUTS)}"
+                )
             if not any(weight > 0 for weight in weights.values()):
                 raise ValueError(f"scenario.layouts.{split}: no layout has a weight above 0")
 
@@ -36,9 +38,7 @@ class Scenario:
         return str(stream(seed, "layout").choice(names, p=[weight / total for weight in share]))
 
 
-def build_episode(
-    *, name: str, layout: str, seed: int, duration: float, condition: ConditionMix
-) -> Scene:
+def build_episode(*, name: str, layout: str, seed: int, duration: float, condition: ConditionMix) -> Scene:
     """The scene called ``name`` on a named layout: all else follows from ``seed``. ``duration`` in seconds."""
     recorded = record_layout(layout, seed=seed, duration=duration)
     world = build_world(recorded, seed=seed)

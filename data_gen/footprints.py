@@ -48,3 +48,7 @@ class Occupancy:
         self.yaw = np.concatenate([self.yaw, np.broadcast_to(np.asarray(yaw, float), (1, steps))])
         self.size = np.concatenate([self.size, np.asarray(size, float)[None]])
         return len(self.size) - 1
+
+    def drop_first(self) -> None:
+        """Give back the ground of the body that was added first."""
+        self.center, self.yaw, self.size = self.center[1:], self.yaw[1:], self.size[1:]

@@ -77,9 +77,7 @@ class Job:
         seed = int(stream(self.seed, "scene", index).integers(2**62))
         duration = 1.0 + self.data.keyframes / self.rig.keyframe_rate
         layout = self.scenario.draw(split, seed=seed)
-        scene = build_episode(
-            name=name, layout=layout, seed=seed, duration=duration, condition=self.condition
-        )
+        scene = build_episode(name=name, layout=layout, seed=seed, duration=duration, condition=self.condition)
         rows = write_scene(
             scene, self.rig, root=Path(self.data.root), dataset=self.data.name, index=index,
             keyframes=self.data.keyframes, seed=seed, layout=layout,
@@ -185,7 +183,9 @@ def _check_folder(root: Path, manifest: dict[str, Any]) -> None:
     except (json.JSONDecodeError, KeyError, TypeError) as error:
         raise ValueError(f"{path} is damaged ({error}); delete {root} and generate it again") from error
     if not same_format:
-        raise ValueError(f"{root} was made by format {old['format']} of the generator, this is {FORMAT}; pass data.root=NEW")
+        raise ValueError(
+            f"{root} was made by format {old['format']} of the generator, this is {FORMAT}; pass data.root=NEW"
+        )
     if differs:
         raise ValueError(
             f"{root} was generated with other settings ({', '.join(differs[:3])}); pass data.root=ANOTHER_FOLDER, or"
@@ -207,7 +207,9 @@ def _only_generator(root: Path) -> Iterator[None]:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
-            raise ValueError(f"another generator is writing to {root}; wait for it or pass data.root=ANOTHER") from error
+            raise ValueError(
+                f"another generator is writing to {root}; wait for it or pass data.root=ANOTHER"
+            ) from error
         if shutil.disk_usage(root).free < 50 * 2**20:
             raise OSError(f"less than 50 MiB are free on the disk of {root}; scenes already written are kept")
         yield

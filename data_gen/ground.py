@@ -18,7 +18,7 @@ GROUND = {
     "white_paint": ((0.72, 0.72, 0.70), "plain", 0.65, True),
     "yellow_paint": ((0.62, 0.45, 0.06), "plain", 0.55, True),
     "gravel": ((0.26, 0.22, 0.17), "concrete", 0.28, False),
-    "dry_grass": ((0.20, 0.19, 0.08), "grass", 0.42, False),
+    "dry_grass": ((0.15, 0.17, 0.06), "grass", 0.42, False),
     "worn_paint": ((0.40, 0.40, 0.39), "asphalt", 0.36, True),
     "patch": ((0.075, 0.075, 0.08), "asphalt", 0.10, True),
     "tar": ((0.04, 0.04, 0.042), "plain", 0.06, True),

@@ -5,6 +5,7 @@ and nowhere else.
 """
 
 import difflib
+import string
 from dataclasses import dataclass
 from typing import Literal
 
@@ -29,13 +30,19 @@ REAR_AXLE = 1.35
 """Distance in metres from the middle of the ego vehicle back to its rear axle, the origin of the ego frame."""
 MARGIN = 100.0
 """The world reaches this far beyond the ego's path, in metres."""
-SIGHT = 110.0
+SIGHT = 95.0
 """Vehicles that never come nearer to the ego than this many metres are left out."""
 ATTEMPTS = 60
 
 _START = {
-    "highway": "0", "merge": "aj", "exit": "01", "roundabout": "snew", "intersection": "oi", "two_way": "ab",
-    "racetrack": "abcdefghijklmnopqrstuvwxyz", "u_turn": "abc",
+    "highway": "0",
+    "merge": "aj",
+    "exit": "01",
+    "roundabout": "snew",
+    "intersection": "oi",
+    "two_way": "ab",
+    "racetrack": string.ascii_lowercase,
+    "u_turn": "abc",
 }
 """First letters of the nodes that an ego's first lane may begin at."""
 
@@ -88,7 +95,9 @@ def record_layout(name: str, *, seed: int, duration: float, traffic: float = 1.0
         states = _simulate(streets, warm_up=rng.uniform(0.5, 1.5), duration=duration)
         if states is not None:
             return _layout(name, streets, states)
-    raise ValueError(f"layout '{name}', seed {seed}: {ATTEMPTS} draws in a row end in a collision; lower traffic={traffic}")
+    raise ValueError(
+        f"layout '{name}', seed {seed}: {ATTEMPTS} draws in a row end in a collision; lower traffic={traffic}"
+    )
 
 
 def _fill(streets: Streets, name: str, pace: float, duration: float, traffic: float) -> None:
@@ -96,7 +105,7 @@ def _fill(streets: Streets, name: str, pace: float, duration: float, traffic: fl
     rng = streets.np_random
     lanes = streets.network.lanes_dict()
     indices, change = list(lanes), name not in CROSSING
-    length = np.array([lane.length for lane in lanes.values()])
+    share = np.minimum([lane.length for lane in lanes.values()], 250.0)
     index, s = _start(streets, name, rng)
     target = pace * rng.uniform(0.85, 1.1)
     speed = min(target * rng.uniform(0.7, 1.0), lanes[index].speed_limit)
@@ -104,10 +113,10 @@ def _fill(streets: Streets, name: str, pace: float, duration: float, traffic: fl
     streets.vehicles.append(ego)
     reach = 70.0 + 1.5 * speed
     queue = rng.uniform(0.0, 3.0) * (rng.uniform() < 0.5) if rng.uniform() < 0.25 else None
-    for _ in range(round(traffic * rng.uniform(25, 60))):
-        index = indices[rng.choice(len(indices), p=np.minimum(length, 250) / np.minimum(length, 250).sum())]
-        lane = lanes[index]
-        s = rng.uniform(0, lane.length) if lane.length < 500 else ego.s + rng.uniform(-0.6, 1.4) * reach
+    tries = round(traffic * rng.uniform(30, 80))
+    for i, part in zip(rng.choice(len(indices), tries, p=share / share.sum()), rng.uniform(size=tries), strict=True):
+        index, lane = indices[i], lanes[indices[i]]
+        s = part * lane.length if lane.length < 500 else _along(lane, ego) + (2 * part - 0.6) * reach
         place = lane.position(s, 0.0) - ego.position
         ahead = place @ ego.direction
         if not -45 < ahead < reach or abs(place @ [-ego.direction[1], ego.direction[0]]) > 70:
@@ -125,12 +134,24 @@ def _fill(streets: Streets, name: str, pace: float, duration: float, traffic: fl
 def _start(streets: Streets, name: str, rng: np.random.Generator) -> tuple:
     """Where the ego begins: not where a lane is about to end for good."""
     lanes = streets.network.lanes_dict()
-    choices = [index for index in lanes if index[0][0] in _START[name] and lanes[index].length > 8]
+    leads_on = {start for start in streets.network.graph if not start.startswith("o")}  # o: the intersection's far ends
+    choices = [
+        index
+        for index in lanes
+        if index[0][0] in _START[name]
+        and lanes[index].length > 8
+        and (index[1] in leads_on or lanes[index].length > 600)
+    ]
     lengths = np.minimum([lanes[index].length for index in choices], 120.0)
     index = choices[rng.choice(len(choices), p=lengths / lengths.sum())]
     length = lanes[index].length
-    low = min(0.35 * length, 60.0) if index[0] not in "o" else 0.3 * length
-    return index, rng.uniform(low, length if length < 500 else 0.5 * length)
+    return index, rng.uniform(0.3, 0.5) * length if length > 600 else rng.uniform(
+        max(0.2 * length, length - 90), length
+    )
+
+
+def _along(lane: AbstractLane, driver: Driver) -> float:
+    return lane.local_coordinates(driver.position)[0]
 
 
 def _route(streets: Streets, index: tuple, rng: np.random.Generator) -> list | None:
@@ -161,17 +182,17 @@ def _room(driver: Driver, other: Driver) -> bool:
 
 def _simulate(streets: Streets, *, warm_up: float, duration: float) -> Array | None:
     """States (T, N, 5) as x, y, heading, speed, slip at every STEP; None if two vehicles touch."""
-    before, count = round(warm_up / STEP), int(np.ceil(duration / STEP - 1e-9))
-    for _ in range(before):
+    count = int(np.ceil(duration / STEP - 1e-9))
+    for _ in range(round(warm_up / STEP)):
         streets.act()
         streets.step(STEP)
     states = np.empty((count + 1, len(streets.vehicles), 5))
     for row in states:
-        slip = [vehicle.slip for vehicle in streets.vehicles]
+        before = [vehicle.slip for vehicle in streets.vehicles]
         streets.act()
-        for state, vehicle, old in zip(row, streets.vehicles, slip, strict=True):
-            new = np.arctan(np.tan(vehicle.action["steering"]) / 2)  # a record lies between two steps: the mean slip of both
-            state[:] = *vehicle.position, vehicle.heading, vehicle.speed, (old + new) / 2
+        for state, vehicle, old in zip(row, streets.vehicles, before, strict=True):
+            slip = (old + vehicle.next_slip(STEP)) / 2  # a record lies between two steps
+            state[:] = *vehicle.position, vehicle.heading, vehicle.speed, slip
         streets.step(STEP)
     a, b = np.triu_indices(states.shape[1], 1)
     touch = overlaps(states[:, a, :2], states[:, a, 2], (5.2, 2.1), states[:, b, :2], states[:, b, 2], (5.2, 2.1))
@@ -211,12 +232,16 @@ def _polylines(lane: AbstractLane, low: Array, extent: Array, spacing: float = 1
         start, stop = np.clip(middle + np.array([-1, 1]) * np.hypot(*extent), 0, lane.length)
     s = np.linspace(start, stop, max(2, int(np.ceil((stop - start) / spacing)) + 1))
     straight = isinstance(lane, StraightLane)  # these take a column of coordinates at once
-    centre = (lane.position(s[:, None], 0.0) if straight else np.array([lane.position(at, 0.0) for at in s])) * [1, -1] - low
+    centre = (lane.position(s[:, None], 0.0) if straight else np.array([lane.position(at, 0.0) for at in s])) * [
+        1,
+        -1,
+    ] - low
     inside = ((centre > -4) & (centre < extent + 4)).all(axis=1)
     runs = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(int))).reshape(-1, 2)
     lines = [("none", "striped", "continuous", "continuous")[kind] for kind in lane.line_types]
     limit = float(lane.speed_limit / 1.2)
     return [
         Lane(centre[a:b], np.full(b - a, float(lane.width_at(0.0))), lines[0], lines[1], limit, bool(lane.forbidden))
-        for a, b in runs if b - a > 1
+        for a, b in runs
+        if b - a > 1
     ]

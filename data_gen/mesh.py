@@ -6,7 +6,19 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-TEXTURES = ("plain", "asphalt", "grass", "concrete", "brick", "facade", "foliage", "hoarding", "metal", "fabric", "wood")
+TEXTURES = (
+    "plain",
+    "asphalt",
+    "grass",
+    "concrete",
+    "brick",
+    "facade",
+    "foliage",
+    "hoarding",
+    "metal",
+    "fabric",
+    "wood",
+)
 """Names of the procedural textures; a surface stores the index. The camera evaluates them at local coordinates."""
 
 
@@ -23,7 +35,12 @@ class Surface:
 
     @staticmethod
     def uniform(
-        count: int, albedo: Sequence[float], reflectivity: float, *, texture: str = "plain", specular: float = 0.0,
+        count: int,
+        albedo: Sequence[float],
+        reflectivity: float,
+        *,
+        texture: str = "plain",
+        specular: float = 0.0,
         emission: float = 0.0,
     ) -> "Surface":
         """The same material on ``count`` faces."""

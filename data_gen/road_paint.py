@@ -64,7 +64,7 @@ class _Brush:
 def paint_ground(layout: Layout, *, rng: np.random.Generator, resolution: float = 0.1) -> GroundMap:
     """The ground raster of a layout, from (0, 0) to its extent, ``resolution`` metres a pixel."""
     brush = _Brush(layout.extent, resolution)
-    lanes = extend(layout.lanes, reach=max(layout.extent))
+    lanes = extend(layout.lanes, reach=150.0)
     _paint_verges(brush, layout.name, lanes, rng)
     for lane in lanes:
         brush.stroke("asphalt", [_thin(lane.centre)], lane.width.mean())
@@ -98,13 +98,15 @@ def crossings(layout: Layout) -> list[Crossing]:
     if layout.name not in ("intersection", "roundabout"):
         return []
     starts = np.array([lane.centre[0] for lane in layout.lanes])
+    stops = np.array([lane.centre[-1] for lane in layout.lanes])
     found: list[Crossing] = []
     for lane in layout.lanes:
         chord = lane.centre[-1] - lane.centre[0]
         length = np.linalg.norm(chord)
         follows = np.flatnonzero(np.linalg.norm(starts - lane.centre[-1], axis=1) < 1.0)
         straight = np.linalg.norm(np.diff(lane.centre, axis=0), axis=1).sum() < length + 0.05
-        if length < 20 or not straight or not len(follows):
+        inner = np.any(np.linalg.norm(stops - lane.centre[0], axis=1) < 1.0)
+        if length < 20 or not straight or inner or not len(follows):
             continue
         ahead = chord / length
         left = np.array([-ahead[1], ahead[0]])
@@ -120,14 +122,6 @@ def crossings(layout: Layout) -> list[Crossing]:
         if all(np.linalg.norm(middle - other.middle) > 4.0 for other in found):
             found.append(Crossing(middle, float(np.arctan2(ahead[1], ahead[0])), float(width)))
     return found
-
-
-def edge(lane: Lane, side: int, outside: float = 0.0) -> Array:
-    """The lane's border (N, 2): ``side`` +1 left, -1 right; ``outside`` metres further out."""
-    tangent = np.gradient(lane.centre, axis=0)
-    tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
-    normal = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
-    return lane.centre + side * (lane.width / 2 + outside)[:, None] * normal
 
 
 def _thin(line: Array, tolerance: float = 0.02) -> Array:
@@ -167,28 +161,47 @@ def _paint_wear(brush: _Brush, lanes: Sequence[Lane], rng: np.random.Generator) 
 
 
 def _paint_lines(brush: _Brush, lanes: Sequence[Lane], rng: np.random.Generator) -> None:
-    """Lane lines; yellow between opposite directions. Stripes fade here and there."""
-    points = np.concatenate([lane.centre for lane in lanes])
-    heading = np.concatenate([np.gradient(lane.centre, axis=0) for lane in lanes])
-    heading /= np.linalg.norm(heading, axis=1, keepdims=True)
-    tree = cKDTree(points)
-    for lane in lanes:
+    """Lane lines; yellow between opposite directions. Stripes fade here and there. Where a line would run across another
+    lane, as in a junction, it is left out."""
+    centres = [_resampled(lane.centre, 1.0) for lane in lanes]
+    tangents = [_unit(np.gradient(centre, axis=0)) for centre in centres]
+    tree, heading = cKDTree(np.concatenate(centres)), np.concatenate(tangents)
+    for lane, centre, tangent in zip(lanes, centres, tangents, strict=True):
+        half = float(lane.width.mean()) / 2
+        normal = tangent[:, ::-1] * [-1, 1]
         for side, kind in ((1, lane.left_line), (-1, lane.right_line)):
             if kind == "none":
                 continue
-            line = edge(lane, side)
+            line = centre + side * half * normal
+            distance, near = tree.query(line, k=4)
             # Oncoming traffic half a lane beyond the line makes it a centre line.
-            distance, near = tree.query(edge(lane, side, float(lane.width.mean()) / 2), k=3)
-            own = np.gradient(lane.centre, axis=0)
-            oncoming = (np.einsum("nkj,nj->nk", heading[near], own) < 0) & (distance < 1.2)
+            oncoming = (np.einsum("nkj,nj->nk", heading[near], tangent) < -0.5) & (distance < half + 0.8)
             colour = "yellow_paint" if oncoming.any(axis=1).mean() > 0.3 else "white_paint"
-            if kind == "continuous":
-                brush.stroke(colour, [_thin(line)], 0.2)
-                continue
-            dashes = _dashes(line)
-            worn = rng.random(len(dashes)) < 0.15
-            brush.stroke(colour, list(dashes[~worn]), 0.2)
-            brush.stroke("worn_paint", list(dashes[worn]), 0.2)
+            free = distance[:, 0] > 0.85 * half
+            for start, stop in np.flatnonzero(np.diff(np.pad(free.astype(int), 1))).reshape(-1, 2):
+                if stop - start > 1:
+                    _paint_line(brush, line[start:stop], kind, colour, rng)
+
+
+def _paint_line(brush: _Brush, line: Array, kind: str, colour: str, rng: np.random.Generator) -> None:
+    if kind == "continuous":
+        brush.stroke(colour, [_thin(line)], 0.2)
+        return
+    dashes = _dashes(line)
+    worn = rng.random(len(dashes)) < 0.15
+    brush.stroke(colour, list(dashes[~worn]), 0.2)
+    brush.stroke("worn_paint", list(dashes[worn]), 0.2)
+
+
+def _unit(v: Array) -> Array:
+    return v / np.maximum(np.linalg.norm(v, axis=1, keepdims=True), 1e-9)
+
+
+def _resampled(line: Array, spacing: float) -> Array:
+    """Points (M, 2) on a polyline (N, 2), ``spacing`` metres apart or a little less."""
+    arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+    at = np.linspace(0.0, arc[-1], max(2, int(np.ceil(arc[-1] / spacing)) + 1))
+    return np.stack([np.interp(at, arc, line[:, 0]), np.interp(at, arc, line[:, 1])], axis=1)
 
 
 def _dashes(line: Array, offset: float = 0.0) -> Array:

@@ -8,10 +8,18 @@ import numpy as np
 
 os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
 
-from highway_env.envs import exit_env, highway_env, intersection_env, merge_env, racetrack_env, roundabout_env  # noqa: E402
-from highway_env.envs import two_way_env, u_turn_env  # noqa: E402
-from highway_env.road.lane import LineType  # noqa: E402
-from highway_env.road.road import RoadNetwork  # noqa: E402
+from highway_env.envs import (
+    exit_env,
+    highway_env,
+    intersection_env,
+    merge_env,
+    racetrack_env,
+    roundabout_env,
+    two_way_env,
+    u_turn_env,
+)
+from highway_env.road.lane import LineType, StraightLane
+from highway_env.road.road import RoadNetwork
 
 Rng = np.random.Generator
 
@@ -30,6 +38,7 @@ PACE = {
 CROSSING = ("roundabout", "intersection")
 """Layouts where ways cross: somebody has to yield, and nobody changes lanes."""
 
+EXTENSION = 120.0
 LATERAL_ACCELERATION = 3.0
 """Comfortable in a bend, m/s^2: limits the speed on an arc to sqrt(3 radius)."""
 
@@ -38,10 +47,33 @@ def build_network(name: str, pace: float, rng: Rng) -> RoadNetwork:
     """The lanes of a layout, with speed limits for a desired speed ``pace`` in m/s. y points right here, as highway-env
     has it."""
     network = _NETWORKS[name](rng)
+    _extend(network)
     for lane in network.lanes_list():
         radius = getattr(lane, "radius", math.inf)
         lane.speed_limit = min(1.2 * pace, math.sqrt(LATERAL_ACCELERATION * radius))
     return network
+
+
+def _extend(network: RoadNetwork) -> None:
+    """Lengthen straight roads that end in nothing by EXTENSION metres: the world reaches farther than the environments."""
+    lanes = network.lanes_list()
+    starts = np.array([(*lane.position(0.0, 0.0), lane.heading_at(0.0)) for lane in lanes])
+    stops = np.array([(*lane.position(lane.length, 0.0), lane.heading_at(lane.length)) for lane in lanes])
+    for lane, start, stop in zip(lanes, starts, stops, strict=True):
+        if type(lane) is not StraightLane or lane.length > 500:
+            continue
+        if not _goes_on(start, stops):
+            lane.start = lane.start - EXTENSION * lane.direction
+        if not _goes_on(stop, starts):
+            lane.end = lane.end + EXTENSION * lane.direction
+        lane.length = float(np.linalg.norm(lane.end - lane.start))
+
+
+def _goes_on(end: np.ndarray, others: np.ndarray) -> bool:
+    """Whether another lane, or one beside it, joins an end (x, y, heading) in the same direction. The graph does not say:
+    at the intersection's outer nodes a lane's successor is the one that comes back."""
+    near = np.hypot(*(others[:, :2] - end[:2]).T) < 5.5
+    return bool((near & (np.cos(others[:, 2] - end[2]) > 0.7)).any())
 
 
 def _network(environment: type, rng: Rng, make: str = "_make_road", **overrides) -> RoadNetwork:
@@ -89,7 +121,9 @@ def _two_way(rng: Rng) -> RoadNetwork:
 def _racetrack(rng: Rng) -> RoadNetwork:
     """One of the three tracks. The oval's size is drawn here: left to itself it is drawn from an unseeded generator."""
     size = {"length": int(rng.integers(80, 160)), "no_lanes": int(rng.integers(2, 4))}
-    track = (racetrack_env.RacetrackEnv, racetrack_env.RacetrackEnvLarge, racetrack_env.RacetrackEnvOval)[rng.integers(3)]
+    track = (racetrack_env.RacetrackEnv, racetrack_env.RacetrackEnvLarge, racetrack_env.RacetrackEnvOval)[
+        rng.integers(3)
+    ]
     return _network(track, rng, **size)
 
 

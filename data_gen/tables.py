@@ -40,7 +40,11 @@ def _fixed_tables(dataset: str, rig: Rig) -> dict[str, list[dict[str, Any]]]:
         "category": [{"token": token("category", c), "name": c, "description": ""} for c in CATEGORY_TO_CLASS],
         "attribute": [{"token": token("attribute", a), "name": a, "description": ""} for a in ATTRIBUTES],
         "visibility": [
-            {"token": str(i + 1), "level": level, "description": f"{level[1:]} % of the rays through the object reach it"}
+            {
+                "token": str(i + 1),
+                "level": level,
+                "description": f"{level[1:]} % of the rays through the object reach it",
+            }
             for i, level in enumerate(VISIBILITY)
         ],
         "sensor": [{"token": token("sensor", c), "channel": c, "modality": modality[c]} for c in rig.sensors],

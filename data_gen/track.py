@@ -6,6 +6,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from data_gen.jit import jit
+
 Array = NDArray[np.float64]
 
 
@@ -79,10 +81,23 @@ class TrackBundle:
 
 def _interpolate(records: Track, i: NDArray, j: NDArray, t: Array) -> tuple[Array, Array, Array]:
     """Position, yaw and velocity at times ``t`` between records ``i`` and ``j`` (the same record: a body at rest)."""
-    step = np.where(i == j, 1.0, records.times[j] - records.times[i])[..., None]
-    s = (t - records.times[i])[..., None] / step
-    p0, p1, m0, m1 = records.position[i], records.position[j], records.velocity[i] * step, records.velocity[j] * step
-    bend, twist = 3 * (p1 - p0) - 2 * m0 - m1, 2 * (p0 - p1) + m0 + m1
-    position = p0 + s * (m0 + s * (bend + s * twist))
-    velocity = (m0 + s * (2 * bend + 3 * s * twist)) / step
-    return position, records.yaw[i] + s[..., 0] * (records.yaw[j] - records.yaw[i]), velocity
+    table = (np.ascontiguousarray(getattr(records, field.name), float) for field in fields(Track))
+    position, yaw, velocity = _hermite(*table, i.ravel(), j.ravel(), t.ravel())
+    return position.reshape(*t.shape, 3), yaw.reshape(t.shape), velocity.reshape(*t.shape, 3)
+
+
+@jit
+def _hermite(times, position, yaw, velocity, i, j, t):
+    found = np.empty((len(t), 3)), np.empty(len(t)), np.empty((len(t), 3))
+    for n in range(len(t)):
+        a, b = i[n], j[n]
+        step = times[b] - times[a] if b != a else 1.0
+        s = (t[n] - times[a]) / step
+        for k in range(3):
+            m0, m1 = velocity[a, k] * step, velocity[b, k] * step
+            gap = position[b, k] - position[a, k]
+            bend, twist = 3 * gap - 2 * m0 - m1, m0 + m1 - 2 * gap
+            found[0][n, k] = position[a, k] + s * (m0 + s * (bend + s * twist))
+            found[2][n, k] = (m0 + s * (2 * bend + 3 * s * twist)) / step
+        found[1][n] = yaw[a] + s * (yaw[b] - yaw[a])
+    return found

@@ -51,7 +51,8 @@ class _SceneWriter:
         self.start = EPOCH_US + index * 100_000_000
         self.log = f"{dataset}-{scene.name}"
         self.rows: dict[str, list[Row]] = {
-            name: [] for name in ("log", "map", "scene", "sample", "sample_data", "ego_pose", "instance", "sample_annotation")
+            name: []
+            for name in ("log", "map", "scene", "sample", "sample_data", "ego_pose", "instance", "sample_annotation")
         }
 
     def run(self, keyframes: int, seed: int) -> dict[str, list[Row]]:
@@ -113,7 +114,12 @@ class _SceneWriter:
         key = token(self.log, firing.channel, stamp)
         pose = self.scene.ego.pose(firing.time)
         self.rows["ego_pose"].append(
-            {"token": key, "timestamp": stamp, "rotation": to_quaternion(pose).tolist(), "translation": pose[:3, 3].tolist()}
+            {
+                "token": key,
+                "timestamp": stamp,
+                "rotation": to_quaternion(pose).tolist(),
+                "translation": pose[:3, 3].tolist(),
+            }
         )
         self.rows["sample_data"].append(
             {

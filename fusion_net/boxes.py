@@ -89,3 +89,21 @@ def points_in_box(points: NDArray, center: NDArray, wlh: NDArray, yaw: float, ma
     along, across = local[:, 0] * c + local[:, 1] * s, -local[:, 0] * s + local[:, 1] * c
     half = np.asarray(wlh) / 2 + margin
     return (np.abs(across) <= half[0]) & (np.abs(along) <= half[1]) & (np.abs(local[:, 2]) <= half[2])
+
+
+def transform_boxes(a_T_b: NDArray, boxes: Boxes) -> Boxes:
+    """Boxes of frame ``b`` in frame ``a``. Besides a rigid motion ``a_T_b`` (4, 4) may scale evenly and mirror.
+
+    Heading and velocity go through the linear part as vectors, sizes by its scale. The variance keeps to the axes: what
+    a turn makes of it off the diagonal is dropped.
+    """
+    linear = a_T_b[:3, :3]
+    heading = np.stack([np.cos(boxes.yaw), np.sin(boxes.yaw)], axis=1) @ linear[:2, :2].T
+    return replace(
+        boxes,
+        center=boxes.center @ linear.T + a_T_b[:3, 3],
+        wlh=boxes.wlh * np.cbrt(abs(np.linalg.det(linear))),
+        yaw=np.arctan2(heading[:, 1], heading[:, 0]),
+        velocity=boxes.velocity @ linear[:2, :2].T,
+        log_variance=np.log(np.exp(boxes.log_variance) @ np.square(linear[:2, :2]).T),
+    )

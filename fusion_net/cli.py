@@ -12,7 +12,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from hydra import compose, initialize_config_dir, main as hydra_main
+from hydra import compose, initialize_config_dir
+from hydra import main as hydra_main
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import HydraException, InstantiationException
 from hydra.utils import instantiate
@@ -72,9 +73,13 @@ def check_overrides(config_name: str, argv: list[str]) -> None:
         reason = str(error).splitlines()[0]
         raise UserError(f"cannot read the override: {reason}; quote lists for the shell: 'key=[a,b]'") from error
     stray = [arg for arg in argv if "=" not in arg and not arg.startswith("-")]
-    if stray and not any(arg in ("--config-name", "--config-path", "--info", "-i", "--cfg", "-c", "-cn") for arg in argv):
+    if stray and not any(
+        arg in ("--config-name", "--config-path", "--info", "-i", "--cfg", "-c", "-cn") for arg in argv
+    ):
         raise UserError(f"'{stray[0]}' is not an override; write key=value")
-    groups = {path.name: sorted(file.stem for file in path.glob("*.yaml")) for path in CONFIGS.iterdir() if path.is_dir()}
+    groups = {
+        path.name: sorted(file.stem for file in path.glob("*.yaml")) for path in CONFIGS.iterdir() if path.is_dir()
+    }
     chosen = []
     for override in overrides:
         key, value = override.key_or_group, override.value()

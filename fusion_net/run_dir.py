@@ -20,7 +20,9 @@ def open_run(folder: Path, cfg: DictConfig, *, resume: bool, overwrite: bool) ->
             raise ValueError(f"nothing to resume: {checkpoint} does not exist; drop resume=true to start {folder.name}")
         _refuse_other_model(folder, cfg)
     elif (folder / "config.yaml").exists() and not overwrite:
-        raise ValueError(f"{folder} exists; pass name=ANOTHER, resume=true to go on, or overwrite=true to start it again")
+        raise ValueError(
+            f"{folder} exists; pass name=ANOTHER, resume=true to go on, or overwrite=true to start it again"
+        )
     elif overwrite:
         for old in ("metrics.csv", "checkpoints/last.ckpt", "checkpoints/best.ckpt"):
             (folder / old).unlink(missing_ok=True)
@@ -50,10 +52,14 @@ def load_weights(model: torch.nn.Module, checkpoint: Path) -> None:
     try:
         state = torch.load(checkpoint, map_location="cpu", weights_only=True)["state_dict"]
     except Exception as error:  # torch raises many kinds for a truncated or foreign file
-        raise ValueError(f"{checkpoint} is not a readable checkpoint ({type(error).__name__}); train the run again") from error
+        raise ValueError(
+            f"{checkpoint} is not a readable checkpoint ({type(error).__name__}); train the run again"
+        ) from error
     weights = {key.removeprefix("model."): value for key, value in state.items() if key.startswith("model.")}
     own = model.state_dict()
-    wrong = [k for k in own if k not in weights or weights[k].shape != own[k].shape] + [k for k in weights if k not in own]
+    wrong = [k for k in own if k not in weights or weights[k].shape != own[k].shape] + [
+        k for k in weights if k not in own
+    ]
     if wrong:
         raise ValueError(f"{checkpoint} is of another model: {len(wrong)} tensors differ, the first is '{wrong[0]}'")
     model.load_state_dict(weights)
@@ -99,5 +105,8 @@ def _processor() -> str:
 def _refuse_other_model(folder: Path, cfg: DictConfig) -> None:
     old = load_config(folder)
     for key in ("model", "encoders", "fuser", "grid", "classes"):
-        if key in old and OmegaConf.to_container(old, resolve=True)[key] != OmegaConf.to_container(cfg, resolve=True)[key]:
+        if (
+            key in old
+            and OmegaConf.to_container(old, resolve=True)[key] != OmegaConf.to_container(cfg, resolve=True)[key]
+        ):
             raise ValueError(f"{folder} was trained with another '{key}'; resume with the same, or pass name=ANOTHER")

@@ -15,6 +15,7 @@ def bus(variant: str, paint: Material) -> Asset:
     """A bus of the named kind; the paint covers the body below and above the window band."""
     size = length, width, height = SIZES[variant]
     half = length / 2
+    wheels: tuple[float, ...]
     if variant == "bendy":
         joint = half - 9.6
         spans = [(-half, joint - 0.55), (joint + 0.55, half)]
@@ -47,12 +48,26 @@ def bus(variant: str, paint: Material) -> Asset:
 
 def _band(variant: str, height: float) -> tuple[float, float]:
     """Lower and upper edge of the windows."""
-    return (1.75, height - 0.5) if variant == "coach" else (1.1, height - 0.45) if variant == "mini" else (1.15, height - 0.55)
+    return (
+        (1.75, height - 0.5)
+        if variant == "coach"
+        else (1.1, height - 0.45)
+        if variant == "mini"
+        else (1.15, height - 0.55)
+    )
 
 
 def _shell(
-    variant: str, rear: float, front: float, wheels: list[float], radius: float, width: float, height: float, paint: Material,
-    *, nose: bool,
+    variant: str,
+    rear: float,
+    front: float,
+    wheels: list[float],
+    radius: float,
+    width: float,
+    height: float,
+    paint: Material,
+    *,
+    nose: bool,
 ) -> list[Mesh]:
     low, high = _band(variant, height)
     w, floor = width / 2, 0.32
@@ -86,13 +101,24 @@ def _shell(
     step = (glass[1] - glass[0]) / count
     panes = [
         side_patch(
-            [(glass[0] + i * step + 0.05, low), (glass[0] + (i + 1) * step - 0.05, low), (glass[0] + (i + 1) * step - 0.05, high),
-             (glass[0] + i * step + 0.05, high)], w - 0.01, GLASS)
+            [
+                (glass[0] + i * step + 0.05, low),
+                (glass[0] + (i + 1) * step - 0.05, low),
+                (glass[0] + (i + 1) * step - 0.05, high),
+                (glass[0] + i * step + 0.05, high),
+            ],
+            w - 0.01,
+            GLASS,
+        )
         for i in range(count)
     ]
     skirt = []
     if variant == "coach":
-        skirt = [side_patch([(rear + 0.2, 1.05), (front - 0.3, 1.05), (front - 0.9, 1.5), (rear + 0.2, 1.2)], w - 0.01, COACH_STRIPE)]
+        skirt = [
+            side_patch(
+                [(rear + 0.2, 1.05), (front - 0.3, 1.05), (front - 0.9, 1.5), (rear + 0.2, 1.2)], w - 0.01, COACH_STRIPE
+            )
+        ]
     return [extrude(outline, taper, paint), *panes, *skirt]
 
 

@@ -1,6 +1,7 @@
 """Passenger cars: a lower body with wheel houses, a tapered glass house, wheels, lamps, bumpers and plates."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -13,8 +14,9 @@ from data_gen.mesh import Asset, Mesh
 @dataclass(frozen=True)
 class Shape:
     """A car's side view in metres. ``glass`` is x of the windscreen's foot, the roof's front and rear edge and the rear
-    screen's foot; ``belt`` the height of the glass house's foot at the windscreen and at the rear; ``nose`` the height of
-    the bonnet's front edge, ``tail`` that of the body's rear edge; ``pillars`` x of the posts between side windows."""
+    screen's foot; ``belt`` the height of the glass house's foot at the windscreen and at the rear; ``nose`` the height
+    of the bonnet's front edge, ``tail`` that of the body's rear edge; ``pillars`` x of the posts between side
+    windows."""
 
     size: tuple[float, float, float]
     wheelbase: float
@@ -26,23 +28,60 @@ class Shape:
     pillars: tuple[float, ...]
     floor: float = 0.22
     roof_inset: float = 0.20
-    bed: float = 0.0  # length of an open load bed
+    bed: bool = False  # an open load bed behind the glass house
+    bed_floor: float = 0.90
     blind: float = -99.0  # side windows end at this x: panel vans
 
 
 SHAPES = {
     "sedan": Shape((4.75, 1.85, 1.46), 2.80, 0.33, 0.72, (0.97, 1.02), 0.98, (0.98, 0.22, -0.95, -1.68), (-0.32,)),
     "hatchback": Shape((4.05, 1.77, 1.50), 2.55, 0.31, 0.76, (0.99, 1.04), 0.96, (1.02, 0.35, -1.45, -1.90), (-0.22,)),
-    "suv": Shape((4.72, 1.96, 1.74), 2.80, 0.38, 0.94, (1.14, 1.18), 1.10, (1.02, 0.42, -1.75, -2.20), (-0.25, -1.25),
-                 floor=0.30),
-    "estate": Shape((4.80, 1.86, 1.52), 2.85, 0.33, 0.73, (0.97, 1.00), 0.94, (1.00, 0.25, -1.95, -2.30), (-0.30, -1.30)),
-    "van": Shape((5.10, 1.98, 2.02), 3.05, 0.34, 0.92, (1.16, 1.18), 1.12, (1.72, 1.00, -2.42, -2.50), (0.15, -1.10),
-                 floor=0.24, roof_inset=0.14),
-    "pickup": Shape((5.35, 1.95, 1.84), 3.25, 0.40, 1.00, (1.18, 1.20), 1.08, (0.95, 0.40, -0.62, -0.78), (-0.10,),
-                    floor=0.38, bed=1.72),
-    "coupe": Shape((4.45, 1.86, 1.33), 2.60, 0.34, 0.66, (0.88, 0.95), 0.90, (0.75, -0.02, -0.72, -1.75), (-0.62,), floor=0.17),
-    "panel van": Shape((5.60, 2.05, 2.45), 3.40, 0.35, 1.00, (1.26, 1.26), 1.20, (2.00, 1.30, -2.72, -2.78), (), floor=0.28,
-                       roof_inset=0.12, blind=0.45),
+    "suv": Shape(
+        (4.72, 1.96, 1.74), 2.80, 0.38, 0.94, (1.14, 1.18), 1.10, (1.02, 0.42, -1.75, -2.20), (-0.25, -1.25), floor=0.30
+    ),
+    "estate": Shape(
+        (4.80, 1.86, 1.52), 2.85, 0.33, 0.73, (0.97, 1.00), 0.94, (1.00, 0.25, -1.95, -2.30), (-0.30, -1.30)
+    ),
+    "van": Shape(
+        (5.10, 1.98, 2.02),
+        3.05,
+        0.34,
+        0.92,
+        (1.16, 1.18),
+        1.12,
+        (1.72, 1.00, -2.42, -2.50),
+        (0.15, -1.10),
+        floor=0.24,
+        roof_inset=0.14,
+    ),
+    "pickup": Shape(
+        (5.35, 1.95, 1.84),
+        3.25,
+        0.40,
+        1.00,
+        (1.18, 1.20),
+        1.16,
+        (0.95, 0.40, -0.62, -0.78),
+        (-0.10,),
+        floor=0.38,
+        bed=True,
+    ),
+    "coupe": Shape(
+        (4.45, 1.86, 1.33), 2.60, 0.34, 0.66, (0.88, 0.95), 0.90, (0.75, -0.02, -0.72, -1.75), (-0.62,), floor=0.17
+    ),
+    "panel van": Shape(
+        (5.60, 2.05, 2.45),
+        3.40,
+        0.35,
+        1.00,
+        (1.26, 1.26),
+        1.20,
+        (2.00, 1.30, -2.72, -2.78),
+        (),
+        floor=0.28,
+        roof_inset=0.12,
+        blind=0.45,
+    ),
 }
 
 
@@ -74,18 +113,23 @@ def _lower_body(shape: Shape, paint: Material) -> Mesh:
     front, rear = _wheels(shape)
     top = [(shape.glass[0] + 0.02, shape.belt[0]), (shape.glass[3] + 0.02, shape.belt[1])]
     if shape.bed:
-        top.append((top[1][0] - 0.02, 0.72))
+        top.append((top[1][0] - 0.02, shape.bed_floor))
+    stern = shape.bed_floor if shape.bed else shape.tail
     outline = [
         (-half + 0.10, floor, TRIM),
+        (-half + 0.36, floor, TRIM),
         *arch(rear, shape.radius, floor),
         *arch(front, shape.radius, floor),
+        (half - 0.40, floor, TRIM),
         (half - 0.10, floor, TRIM),
         (half - 0.015, floor + 0.12, TRIM),
         (half, 0.52 * (floor + shape.nose)),
         (half - 0.07, shape.nose),
+        (half - 0.40, shape.nose + 0.25 * (shape.belt[0] - shape.nose)),
         *top,
-        (-half + 0.03, 0.72 if shape.bed else shape.tail),
-        (-half, 0.55 * (floor + shape.tail), TRIM),
+        (-half + 0.36, stern),
+        (-half + 0.03, stern),
+        (-half, 0.42 * (floor + shape.tail), TRIM),
         (-half + 0.03, floor + 0.14, TRIM),
     ]
     return extrude(outline, lambda x, z: _plan(shape, x), paint)
@@ -94,7 +138,7 @@ def _lower_body(shape: Shape, paint: Material) -> Mesh:
 def _plan(shape: Shape, x: np.ndarray) -> np.ndarray:
     """Half-width of the lower body seen from above: the ends are drawn in."""
     reach = np.abs(x) / (shape.size[0] / 2)
-    return shape.size[1] / 2 * np.where(reach > 0.93, 0.91, 1.0)
+    return shape.size[1] / 2 * np.where(reach > 0.95, 0.92, 1.0)
 
 
 def _glass_house(shape: Shape, paint: Material) -> list[Mesh]:
@@ -122,7 +166,7 @@ def _glass_house(shape: Shape, paint: Material) -> list[Mesh]:
     posts = [(starts[0], starts[1]), *((x, x) for x in shape.pillars), (ends[0], ends[1])]
     windows = [
         side_patch([(a[0] - 0.04, low), (b[0] + 0.04, low), (b[1] + 0.04, high), (a[1] - 0.04, high)], taper, GLASS)
-        for a, b in zip(posts[:-1], posts[1:], strict=True)
+        for a, b in pairwise(posts)
     ]
     return [extrude(house, taper, paint), *windows]
 
@@ -148,14 +192,18 @@ def _ends(shape: Shape, paint: Material) -> list[Mesh]:
 def _bed(shape: Shape, paint: Material) -> list[Mesh]:
     """The walls of a pickup's load bed."""
     half, half_width, top = shape.size[0] / 2, shape.size[1] / 2, shape.tail
-    front = shape.glass[3]
+    front, floor = shape.glass[3], shape.bed_floor
     walls = [
-        box((-half + 0.06, side * half_width - 0.07 * (side > 0), 0.70), (front, side * half_width + 0.07 * (side < 0), top), paint)
+        box(
+            (-half + 0.06, side * half_width - 0.07 * (side > 0), floor - 0.02),
+            (front, side * half_width + 0.07 * (side < 0), top),
+            paint,
+        )
         for side in (-1, 1)
     ]
     gate = box((-half, -half_width + 0.06, 0.60), (-half + 0.06, half_width - 0.06, top), paint)
-    floor = box((-half + 0.06, -half_width + 0.07, 0.70), (front, half_width - 0.07, 0.735), TRIM)
-    return [*walls, gate, floor]
+    sheet = box((-half + 0.06, -half_width + 0.07, floor - 0.02), (front, half_width - 0.07, floor + 0.015), TRIM)
+    return [*walls, gate, sheet]
 
 
 PAINTS = CAR_PAINTS

@@ -1,5 +1,5 @@
-"""Bodies that one sensor mistakes for objects: same shape to the LiDAR and the radar, another look to the camera, or the
-same look at another size."""
+"""Bodies that one sensor mistakes for objects: one thing to LiDAR and radar but another to the camera, or one look at
+two sizes."""
 
 from dataclasses import replace
 from functools import cache
@@ -35,16 +35,17 @@ def decoy_of(asset: Asset) -> Asset:
 
 @cache
 def giant(asset: Asset, scale: float = 2.0) -> Asset:
-    """``asset`` at another scale: ``scale`` times as far away it fills the same pixels. Its radar cross-section grows with
-    its area, by 20 log10(scale) dB. It is no object: category ""."""
+    """``asset`` at another scale: ``scale`` times as far away it fills the same pixels. Its radar cross-section grows
+    with its area, by 20 log10(scale) dB. It is no object: category ""."""
     if scale <= 0:
         raise ValueError(f"giant: scale={scale} of '{asset.name}' is not above 0")
     mesh, points = asset.mesh, asset.scatterers
+    length, width, height = asset.size
     return replace(
         asset,
         name=f"giant {asset.name}",
         category="",
-        size=tuple(scale * side for side in asset.size),
+        size=(scale * length, scale * width, scale * height),
         mesh=Mesh(mesh.vertices * np.float32(scale), mesh.faces, mesh.surface),
         scatterers=Scatterers(
             points.position * np.float32(scale), points.normal, points.rcs + np.float32(20 * np.log10(scale))

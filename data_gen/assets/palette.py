@@ -1,7 +1,9 @@
-"""What things are made of: materials by name, and the paints that a class comes in. Albedo is linear RGB; reflectivity is
-diffuse at 905 nm (data sheets of automotive LiDAR targets: tyre 0.04, glass 0.1, paint 0.1 to 0.7, sheeting 0.9)."""
+"""What things are made of: materials by name, and the paints that a class comes in.
 
-from dataclasses import dataclass
+Albedo is linear RGB; reflectivity is diffuse at 905 nm, after typical targets: tyre 0.04, glass 0.1, paint 0.2 to 0.7,
+sign sheeting 0.9."""
+
+from dataclasses import dataclass, replace
 
 from data_gen.mesh import Surface
 
@@ -17,6 +19,11 @@ class Material:
     texture: str = "plain"
     specular: float = 0.0
     emission: float = 0.0
+
+    def darker(self, share: float) -> "Material":
+        """The same with ``share`` of the albedo: the shadow in a rib, an old sheet."""
+        r, g, b = self.albedo
+        return replace(self, albedo=(share * r, share * g, share * b))
 
     def on(self, count: int) -> Surface:
         """The surface of ``count`` faces of this material."""
@@ -80,7 +87,9 @@ RED, BLUE, GREEN, BEIGE = (0.42, 0.015, 0.018), (0.02, 0.075, 0.34), (0.02, 0.14
 
 CAR_PAINTS = tuple(lacquer(rgb) for rgb in (WHITE, SILVER, GREY, BLACK, RED, BLUE, GREEN, BEIGE))
 TRUCK_PAINTS = tuple(lacquer(rgb) for rgb in (WHITE, (0.45, 0.02, 0.02), (0.02, 0.10, 0.38), (0.03, 0.22, 0.10)))
-BUS_PAINTS = tuple(lacquer(rgb) for rgb in ((0.62, 0.03, 0.03), (0.72, 0.72, 0.68), (0.02, 0.14, 0.46), (0.03, 0.30, 0.13)))
+BUS_PAINTS = tuple(
+    lacquer(rgb) for rgb in ((0.62, 0.03, 0.03), (0.72, 0.72, 0.68), (0.02, 0.14, 0.46), (0.03, 0.30, 0.13))
+)
 TRAILER_PAINTS = tuple(lacquer(rgb) for rgb in (WHITE, (0.03, 0.11, 0.36), (0.48, 0.03, 0.03), (0.30, 0.31, 0.32)))
 MOTORCYCLE_PAINTS = tuple(lacquer(rgb) for rgb in (RED, BLACK, BLUE, WHITE))
 BICYCLE_PAINTS = tuple(lacquer(rgb) for rgb in (RED, BLUE, (0.55, 0.56, 0.57), (0.02, 0.22, 0.20)))

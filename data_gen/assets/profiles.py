@@ -40,7 +40,9 @@ def _half(width: Width, xz: NDArray) -> NDArray:
     return np.broadcast_to(width(xz[:, 0], xz[:, 1]) if callable(width) else width, len(xz)).astype(float)
 
 
-def extrude(outline: Outline, width: Width, material: Material, *, sides: Material | None = None, y: float = 0.0) -> Mesh:
+def extrude(
+    outline: Outline, width: Width, material: Material, *, sides: Material | None = None, y: float = 0.0
+) -> Mesh:
     """The outline drawn out from ``y`` - width to ``y`` + width; ``sides`` is the material of the two side faces."""
     xz = np.array([point[:2] for point in outline], float)
     skins = [point[2] if len(point) > 2 else material for point in outline]
@@ -54,7 +56,9 @@ def extrude(outline: Outline, width: Width, material: Material, *, sides: Materi
     j = (i + 1) % count
     strip = np.stack([i, i + count, j + count, i, j + count, j], axis=1).reshape(-1, 3)
     faces = np.concatenate([cap, cap[:, ::-1] + count, strip])
-    return _mesh(np.concatenate([right, left]), faces, [(sides or material, 2 * len(cap)), *((skin, 2) for skin in skins)])
+    return _mesh(
+        np.concatenate([right, left]), faces, [(sides or material, 2 * len(cap)), *((skin, 2) for skin in skins)]
+    )
 
 
 def side_patch(outline: Outline, width: Width, material: Material, *, proud: float = 0.012) -> Mesh:
@@ -77,9 +81,9 @@ def end_pair(x: float, y: tuple[float, float], z: tuple[float, float], material:
     return Mesh.concatenate([end_patch(x, span, z, material, facing=facing) for span in (y, (-y[1], -y[0]))])
 
 
-def box(low: Sequence[float], high: Sequence[float], material: Material, **skins: Material) -> Mesh:
+def box(low: ArrayLike, high: ArrayLike, material: Material, **skins: Material) -> Mesh:
     """An axis-aligned box; ``skins`` names other materials of its faces: back, front, right, left, bottom, top."""
-    x, y, z = np.stack([low, high], axis=1)
+    x, y, z = np.stack([np.asarray(low, float), np.asarray(high, float)], axis=1)
     vertices = [(a, b, c) for a in x for b in y for c in z]
     quads = {
         "back": (0, 1, 3, 2),
@@ -103,17 +107,19 @@ def loft(
 ) -> Mesh:
     """Elliptic cross-sections at K ``centres`` joined to a closed skin: wheels, limbs, poles, cones, tanks.
 
-    All cross-sections lie across the line from first to last centre. ``radii`` K numbers or pairs (along x for an upright
-    loft, then along y); ``materials`` one for all or K - 1 for the parts between.
+    All cross-sections lie across the line from first to last centre. ``radii`` K numbers or pairs (upright: along x,
+    then y; lying along x: along y, then z); ``materials`` one for all or K - 1 for the parts between.
     """
     centres = np.asarray(centres, float)
     axis = centres[-1] - centres[0]
     axis /= np.linalg.norm(axis)
-    u = np.cross((0.0, 0.0, 1.0), axis) if abs(axis[2]) < 0.8 else np.array([1.0, 0, 0]) - axis[0] * axis
+    u = np.cross((0.0, 0.0, 1.0), axis) if abs(axis[2]) < 0.5 else np.array([1.0, 0, 0]) - axis[0] * axis
     u /= np.linalg.norm(u)
     angle = (np.arange(sections) + 0.5) * 2 * np.pi / sections
-    radii = np.array([r if isinstance(r, tuple) else (r, r) for r in radii]) / np.cos(np.pi / sections) ** 0.5
-    rings = radii[:, None, :1] * np.cos(angle)[:, None] * u + radii[:, None, 1:] * np.sin(angle)[:, None] * np.cross(axis, u)
+    across = np.array([r if isinstance(r, tuple) else (r, r) for r in radii]) / np.cos(np.pi / sections) ** 0.5
+    rings = across[:, None, :1] * np.cos(angle)[:, None] * u + across[:, None, 1:] * np.sin(angle)[:, None] * np.cross(
+        axis, u
+    )
     vertices = (centres[:, None] + rings).reshape(-1, 3)
     k = np.arange(sections)
     a, b = k, (k + 1) % sections
@@ -131,10 +137,17 @@ def ball(centre: ArrayLike, radii: tuple[float, float, float], material: Materia
     x, y, z = radii
     centre = np.asarray(centre, float)
     levels = np.array([-1.0, -0.5, 0.5, 1.0])
-    return loft(centre + levels[:, None] * (0, 0, z), [(0.45 * x, 0.45 * y), (x, y), (x, y), (0.45 * x, 0.45 * y)], material, sections=sections)
+    return loft(
+        centre + levels[:, None] * (0, 0, z),
+        [(0.45 * x, 0.45 * y), (x, y), (x, y), (0.45 * x, 0.45 * y)],
+        material,
+        sections=sections,
+    )
 
 
-def ring(centre: ArrayLike, radius: float, thickness: float, width: float, material: Material, *, sections: int = 14) -> Mesh:
+def ring(
+    centre: ArrayLike, radius: float, thickness: float, width: float, material: Material, *, sections: int = 14
+) -> Mesh:
     """A hoop about the y axis, through which one looks: a spoked wheel."""
     angle = np.arange(sections) * 2 * np.pi / sections
     rim = [(radius, -width / 2), (radius, width / 2), (radius - thickness, width / 2), (radius - thickness, -width / 2)]
@@ -146,7 +159,14 @@ def ring(centre: ArrayLike, radius: float, thickness: float, width: float, mater
     return _mesh(np.concatenate(vertices) + np.asarray(centre), np.concatenate(bands), [(material, 8 * sections)])
 
 
-def axle(x: float, half_track: float, radius: float, width: float, *, sections: int = 10, rim: Material = RIM) -> list[Mesh]:
+def rod(points: ArrayLike, radius: float, material: Material) -> Mesh:
+    """A thin square tube along ``points`` (K, 3): frames, forks, handlebars."""
+    return loft(points, [radius] * len(np.asarray(points)), material, sections=4)
+
+
+def axle(
+    x: float, half_track: float, radius: float, width: float, *, sections: int = 10, rim: Material = RIM
+) -> list[Mesh]:
     """Two wheels whose outer faces are at y = +-``half_track``, standing on the ground."""
     return [wheel(x, side * half_track, radius, side * width, sections=sections, rim=rim) for side in (-1, 1)]
 
@@ -166,6 +186,11 @@ def arch(x: float, radius: float, floor: float, *, points: int = 6) -> list[tupl
     return [(x + outer * np.cos(a), radius + outer * np.sin(a), TYRE) for a in angle]
 
 
+def at(origin: ArrayLike, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> NDArray:
+    """The point (3,) that lies (x, y, z) from ``origin``."""
+    return np.asarray(origin, float) + np.array([x, y, z])
+
+
 def moved(mesh: Mesh, *, offset: Sequence[float] = (0.0, 0.0, 0.0), yaw: float = 0.0) -> Mesh:
     """The mesh turned about z by ``yaw`` radians, then shifted."""
     c, s = np.cos(yaw), np.sin(yaw)
@@ -180,14 +205,16 @@ def assemble(
     *,
     size: tuple[float, float, float] | None = None,
 ) -> Asset:
-    """Join the parts, drop empty faces, stretch to ``size`` (length, width, height; None: as built), put the origin on the
-    ground below the centre of the box. ``scatter`` gives the radar's view of a body of that size."""
+    """Join the parts, drop empty faces, stretch to ``size`` (length, width, height; None: as built), put the origin on
+    the ground below the centre of the box. ``scatter`` gives the radar's view of a body of that size."""
     mesh = Mesh.concatenate(parts)
     a, b, c = (mesh.vertices[mesh.faces[:, i]] for i in range(3))
     solid = np.linalg.norm(np.cross(b - a, c - a), axis=1) > 1e-7
     surface = Surface(*(values[solid] for values in vars(mesh.surface).values()))
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
-    size = size or tuple(float(round(value, 3)) for value in high - low)
+    if size is None:
+        length, width, height = (round(float(value), 3) for value in high - low)
+        size = (length, width, height)
     origin = np.array([*(low + high)[:2] / 2, low[2]])
     vertices = ((mesh.vertices - origin) * (np.array(size) / (high - low))).astype(np.float32)
     return Asset(name, category, size, Mesh(vertices, mesh.faces[solid], surface), scatter(size))

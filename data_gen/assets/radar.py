@@ -1,4 +1,4 @@
-"""Where bodies reflect at 77 GHz: corners, bumpers, wheel houses and plates with an outward normal and a mean cross-section."""
+"""Where bodies reflect at 77 GHz: corners, bumpers, wheel houses, plates, each with outward normal and mean RCS."""
 
 from collections.abc import Sequence
 
@@ -40,8 +40,10 @@ def body(
     along = (np.arange(count) + 0.5) / count * (size[0] - 1.0) - half_length + 0.5
     plates = np.array([(x, b * half_width, 1.3 * height) for x in along for b in (1, -1)])
     rest = max(flank - 0.5 * front, 0.1 * flank)
-    sideways = [points(p, 10 * np.log10(share * rest / (len(p) / 2)), np.sign(p) * (0, 1, 0))
-                for p, share in ((houses, 0.4), (plates, 0.6))]
+    sideways = [
+        points(p, 10 * np.log10(share * rest / (len(p) / 2)), np.sign(p) * (0, 1, 0))
+        for p, share in ((houses, 0.4), (plates, 0.6))
+    ]
     return Scatterers.concatenate(
         [
             points(corner, 10 * np.log10(front / 4), np.sign(corner) * (0.5**0.5, 0.5**0.5, 0)),
@@ -52,7 +54,7 @@ def body(
 
 
 def line(start: ArrayLike, end: ArrayLike, *, per_metre: float, normal: ArrayLike = (0.0, 0.0, 0.0)) -> Scatterers:
-    """Reflectors about every metre from ``start`` to ``end`` (3,), ``per_metre`` dBsm a metre: rails, barriers, beams."""
+    """Reflectors about every metre from ``start`` to ``end`` (3,), ``per_metre`` dBsm a metre: rails, beams."""
     start, end = np.asarray(start, float), np.asarray(end, float)
     length = float(np.linalg.norm(end - start))
     count = max(1, round(length))

@@ -1,4 +1,4 @@
-"""Lorries and what they pull: box truck, tipper, flatbed, tractor unit; box, curtain, tanker and flatbed trailers."""
+"""Lorries: box truck, tipper, tractor unit, flatbed."""
 
 from data_gen.assets.palette import (
     ALUMINIUM,
@@ -14,7 +14,6 @@ from data_gen.assets.palette import (
     TAIL_LAMP,
     TIMBER,
     TRIM,
-    WHITE_SHEETING,
     Material,
 )
 from data_gen.assets.profiles import assemble, axle, box, end_pair, end_patch, extrude, loft, side_patch
@@ -28,12 +27,6 @@ TRUCK_SIZES = {
     "flatbed": (7.4, 2.45, 2.7),
     "small box": (5.9, 2.2, 2.75),
 }
-TRAILER_SIZES = {
-    "box": (12.4, 2.55, 3.95),
-    "tanker": (11.2, 2.5, 3.55),
-    "flatbed timber": (12.2, 2.5, 3.3),
-    "flatbed container": (12.4, 2.5, 3.9),
-}
 
 
 def truck(variant: str, paint: Material) -> Asset:
@@ -46,7 +39,7 @@ def truck(variant: str, paint: Material) -> Asset:
     parts = [
         *_cab(half, cab_length, cab_height, width, paint),
         box((-half + 0.02, -0.45, 0.62), (half - cab_length, 0.45, 0.98), CHASSIS),
-        *_rear(-half, width, 0.62, 0.9),
+        *stern(-half, width, 0.62, 0.9),
         *_load(variant, -half, half - cab_length - 0.12, width, height, paint),
         *(side for x in wheels for side in axle(x, width / 2 - 0.02, radius, 0.36 if x < 1 else 0.28, sections=9)),
     ]
@@ -92,7 +85,12 @@ def _cab(half: float, length: float, height: float, width: float, paint: Materia
         (half - 0.62 * length, top - 0.1),
         (half - 0.62 * length, sill + 0.02),
     ]
-    step = [(half - 1.75 if length > 1.7 else half - 1.4, 0.46), (half - 0.2, 0.46), (half - 0.2, 0.66), (half - length + 0.3, 0.66)]
+    step = [
+        (half - 1.75 if length > 1.7 else half - 1.4, 0.46),
+        (half - 0.2, 0.46),
+        (half - 0.2, 0.66),
+        (half - length + 0.3, 0.66),
+    ]
     return [
         extrude(outline, taper, paint),
         side_patch(window, taper, GLASS),
@@ -105,7 +103,7 @@ def _cab(half: float, length: float, height: float, width: float, paint: Materia
     ]
 
 
-def _rear(x: float, width: float, low: float, high: float) -> list[Mesh]:
+def stern(x: float, width: float, low: float, high: float) -> list[Mesh]:
     """The under-run bar with tail lamps, plate and chequered marking, at the rear end ``x``."""
     w = width / 2
     return [
@@ -118,34 +116,48 @@ def _rear(x: float, width: float, low: float, high: float) -> list[Mesh]:
 
 def _load(variant: str, rear: float, front: float, width: float, height: float, paint: Material) -> list[Mesh]:
     if variant in ("box", "small box"):
-        return _box_body(rear, front, width, 0.98, height, WHITE_BOX, stripe=paint)
+        return box_body(rear, front, width, 0.98, height, WHITE_BOX, stripe=paint)
     if variant == "tipper":
         return _tipper(rear, front, width, height)
     if variant == "flatbed":
-        return [*_flatbed(rear, front, width, 1.0), *_pallets(rear + 0.4, front - 0.3, width, 1.14, height)]
+        return [*flatbed(rear, front, width, 1.0), *_pallets(rear + 0.4, front - 0.3, width, 1.14, height)]
     fifth_wheel = loft([(rear + 1.6, 0, 0.98), (rear + 1.6, 0, 1.12)], [0.5, 0.45], STEEL)
-    guards = [box((rear + 0.3, y - 0.28, 1.05), (rear + 3.0, y + 0.28, 1.09), TRIM) for y in (-width / 2 + 0.31, width / 2 - 0.31)]
-    stacks = [loft([(front + 0.02, y, 0.9), (front + 0.02, y, height - 0.25)], [0.09, 0.09], CHROME, sections=6) for y in (-0.9, 0.9)]
+    guards = [
+        box((rear + 0.3, y - 0.28, 1.05), (rear + 3.0, y + 0.28, 1.09), TRIM)
+        for y in (-width / 2 + 0.31, width / 2 - 0.31)
+    ]
+    stacks = [
+        loft([(front + 0.02, y, 0.9), (front + 0.02, y, height - 0.25)], [0.09, 0.09], CHROME, sections=6)
+        for y in (-0.9, 0.9)
+    ]
     return [fifth_wheel, *guards, *stacks]
 
 
 WHITE_BOX = Material((0.70, 0.70, 0.68), 0.6, specular=0.1)
 
 
-def _box_body(
+def box_body(
     rear: float, front: float, width: float, low: float, height: float, skin: Material, *, stripe: Material
 ) -> list[Mesh]:
     """A closed body: edge rails, a stripe of colour along the sides, doors with bars at the back."""
     w = width / 2
     rail = 0.12
     middle = (low + height) / 2
-    doors = [end_patch(rear - 0.004, (y, y + 0.05), (low + rail, height - rail), STEEL, facing=-1) for y in (-0.55, -0.025, 0.5)]
+    doors = [
+        end_patch(rear - 0.004, (y, y + 0.05), (low + rail, height - rail), STEEL, facing=-1)
+        for y in (-0.55, -0.025, 0.5)
+    ]
     return [
         box((rear, -w + 0.01, low), (front, w - 0.01, height), skin, top=ALUMINIUM, bottom=CHASSIS),
         side_patch([(rear, low), (front, low), (front, low + rail), (rear, low + rail)], w - 0.01, STEEL),
         side_patch([(rear, height - rail), (front, height - rail), (front, height), (rear, height)], w - 0.01, STEEL),
         side_patch(
-            [(rear + 0.5, middle - 0.45), (front - 1.1, middle - 0.45), (front - 0.5, middle + 0.45), (rear + 1.1, middle + 0.45)],
+            [
+                (rear + 0.5, middle - 0.45),
+                (front - 1.1, middle - 0.45),
+                (front - 0.5, middle + 0.45),
+                (rear + 1.1, middle + 0.45),
+            ],
             w - 0.01,
             stripe,
         ),
@@ -157,13 +169,26 @@ def _box_body(
 
 def _tipper(rear: float, front: float, width: float, height: float) -> list[Mesh]:
     w = width / 2
-    outline = [(rear, 1.05), (front, 1.05), (front, height - 0.05), (rear + 0.1, height - 0.35), (rear - 0.0, height - 0.4)]
+    outline = [
+        (rear, 1.05),
+        (front, 1.05),
+        (front, height - 0.05),
+        (rear + 0.1, height - 0.35),
+        (rear - 0.0, height - 0.4),
+    ]
     ribs = [
-        side_patch([(x, 1.07), (x + 0.1, 1.07), (x + 0.1, height - 0.4), (x, height - 0.4)], w - 0.03, STEEL, proud=0.025)
+        side_patch(
+            [(x, 1.07), (x + 0.1, 1.07), (x + 0.1, height - 0.4), (x, height - 0.4)], w - 0.03, STEEL, proud=0.025
+        )
         for x in (rear + 0.5, rear + 1.5, rear + 2.5, rear + 3.5)
     ]
     heap = extrude(
-        [(rear + 0.2, height - 0.45), (front - 0.1, height - 0.3), (front - 1.2, height + 0.02), (rear + 1.2, height - 0.05)],
+        [
+            (rear + 0.2, height - 0.45),
+            (front - 0.1, height - 0.3),
+            (front - 1.2, height + 0.02),
+            (rear + 1.2, height - 0.05),
+        ],
         lambda x, z: w - 0.2 - 0.6 * (z > height - 0.2),
         EARTH,
     )
@@ -174,7 +199,7 @@ def _tipper(rear: float, front: float, width: float, height: float) -> list[Mesh
 TIPPER_GREY = Material((0.17, 0.18, 0.19), 0.3, "metal", 0.1)
 
 
-def _flatbed(rear: float, front: float, width: float, low: float) -> list[Mesh]:
+def flatbed(rear: float, front: float, width: float, low: float) -> list[Mesh]:
     w = width / 2
     bed = box((rear, -w, low), (front, w, low + 0.14), STEEL, top=TIMBER)
     board = box((front - 0.08, -w, low + 0.14), (front, w, low + 1.0), STEEL)
@@ -192,82 +217,3 @@ def _pallets(rear: float, front: float, width: float, low: float, height: float)
 
 
 BRICKS = Material((0.34, 0.09, 0.05), 0.4, "brick")
-
-
-def trailer(variant: str, paint: Material) -> Asset:
-    """A semi-trailer; its front end overlaps the tractor unit's fifth wheel."""
-    size = length, width, height = TRAILER_SIZES[variant]
-    half, w = length / 2, width / 2
-    wheels = (-half + 3.6, -half + 2.3, -half + 1.0)
-    legs = [box((half - 2.7, y - 0.07, 0.12), (half - 2.56, y + 0.07, 1.0), STEEL) for y in (-0.7, 0.7)]
-    feet = [box((half - 2.8, y - 0.16, 0.08), (half - 2.46, y + 0.16, 0.12), STEEL) for y in (-0.7, 0.7)]
-    parts = [
-        box((-half + 0.02, -0.5, 0.85), (half - 0.1, 0.5, 1.2), CHASSIS),
-        *_rear(-half, width, 0.62, 0.92),
-        *(side for x in wheels for side in axle(x, w - 0.02, 0.5, 0.38, sections=8)),
-        *legs,
-        *feet,
-    ]
-    if variant == "box":
-        parts += _box_body(-half + 0.02, half, width, 1.15, height, WHITE_BOX if paint.albedo[0] < 0.6 else paint, stripe=paint)
-        parts.append(side_patch([(-half + 4.3, 0.5), (half - 2.9, 0.5), (half - 2.9, 1.05), (-half + 4.3, 1.05)], w - 0.08, STEEL))
-    elif variant == "tanker":
-        parts += _tank(half, width, height, paint)
-    else:
-        parts += _flatbed(-half, half, width, 1.15)
-        parts += _timber(half, w, height) if variant == "flatbed timber" else _container(half, w, height, paint)
-    return assemble(
-        f"trailer {variant}", "vehicle.trailer", parts,
-        lambda size: body(size, end=18.0, side=24.0, wheels=wheels, height=1.0), size=size,
-    )
-
-
-def _tank(half: float, width: float, height: float, paint: Material) -> list[Mesh]:
-    w, middle, tall = width / 2, (1.15 + height) / 2, (height - 1.15) / 2
-    x = (-half + 0.05, -half + 0.4, -half + 3.5, -half + 3.7, half - 3.7, half - 3.5, half - 0.4, half - 0.05)
-    # across an x-directed loft the first radius is along y, the second along z
-    radii = [(0.6 * w, 0.6 * tall), *[(0.98 * w, 0.95 * tall)] * 6, (0.6 * w, 0.6 * tall)]
-    skins = (ALUMINIUM, ALUMINIUM, paint, ALUMINIUM, paint, ALUMINIUM, ALUMINIUM)
-    hatches = [loft([(a, 0, height - 0.2), (a, 0, height)], [0.3, 0.3], STEEL, sections=8) for a in (-half + 2, 0.0, half - 2)]
-    diamond = end_patch(-half + 0.03, (-0.3, 0.3), (middle - 0.3, middle + 0.3), ORANGE_PLATE, facing=-1)
-    return [loft([(a, 0.0, middle) for a in x], radii, skins, sections=12), *hatches, diamond]
-
-
-ORANGE_PLATE = Material((0.85, 0.25, 0.01), 0.9)
-
-
-def _timber(half: float, w: float, height: float) -> list[Mesh]:
-    """Logs between stanchions."""
-    radius, rows = 0.27, []
-    for row, z in enumerate((1.56, 2.02, 2.48, 2.94)):
-        rows += [
-            loft([(-half + 0.3, y, z), (half - 0.35, y, z)], [radius, radius], TIMBER, sections=6, caps=(CUT, CUT))
-            for y in ([-0.8, -0.27, 0.27, 0.8] if row % 2 == 0 else [-0.54, 0.0, 0.54])
-        ]
-    posts = [box((x - 0.06, y - 0.05, 1.2), (x + 0.06, y + 0.05, height), STEEL) for x in (-half + 1, 0.0, half - 1.2) for y in (-w + 0.06, w - 0.06)]
-    return [*rows, *posts]
-
-
-CUT = Material((0.55, 0.38, 0.19), 0.5, "wood")
-
-
-def _container(half: float, w: float, height: float, paint: Material) -> list[Mesh]:
-    """Two sea containers with ribbed sides."""
-    parts = []
-    other = BRICKS_RED if paint.albedo[0] < 0.3 else CONTAINER_GREEN
-    for rear, front, skin in ((-half + 0.05, -0.06, paint), (0.06, half - 0.12, other)):
-        parts.append(box((rear, -w + 0.03, 1.3), (front, w - 0.03, height), skin))
-        dark = Material(tuple(0.55 * c for c in skin.albedo), skin.reflectivity, specular=0.1)
-        step = (front - rear) / 6
-        parts += [
-            side_patch([(rear + (i + 0.3) * step, 1.45), (rear + (i + 0.7) * step, 1.45), (rear + (i + 0.7) * step, height - 0.15),
-                        (rear + (i + 0.3) * step, height - 0.15)], w - 0.03, dark)
-            for i in range(6)
-        ]
-    parts.append(end_pair(-half + 0.045, (0.08, w - 0.15), (1.45, height - 0.15), WHITE_SHEETING_DULL, facing=-1))
-    return parts
-
-
-BRICKS_RED = Material((0.40, 0.06, 0.03), 0.35, "metal", 0.05)
-CONTAINER_GREEN = Material((0.02, 0.20, 0.12), 0.3, "metal", 0.05)
-WHITE_SHEETING_DULL = Material(tuple(0.6 * c for c in WHITE_SHEETING.albedo), 0.45)

@@ -1,33 +1,24 @@
-"""The camera: one ray through every pixel's centre, more where the picture has edges, light, lens, sensor.
+"""The camera: one ray through every pixel's centre, more where the picture has edges; then lens and sensor.
 
-The class image and the depth come from the centre rays alone; the picture's edges average five rays in linear light.
+The body image and the depth come from the centre rays alone; at edges the picture averages five rays in linear light.
 """
 
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from dataclasses import dataclass
 from numpy.typing import NDArray
 
-from data_gen.ground import ground_table
+from data_gen.jit import jit
 from data_gen.rig import Camera
-from data_gen.scene import NOTHING, WORLD, Hits, Scene
+from data_gen.scene import Hits, Scene
 from data_gen.sensors.imaging import develop
-from data_gen.sensors.noise import jit
-from data_gen.sensors.shading import shade
-from data_gen.sensors.sky import Light, light_of, sky
-from data_gen.sensors.textures import paint
+from data_gen.sensors.rendering import Renderer, View
 
-MAX_RANGE = 400.0
-"""Metres that camera rays travel; beyond lies the skyline."""
-SHADOW_RANGE = 120.0
 _SUBPIXEL = np.array([[1, 3], [3, -1], [-1, -3], [-3, 1]]) / 8
 """Offsets from a pixel's centre (right, down) of the extra rays of an edge pixel: a rotated grid."""
-_COVER_HEIGHT = 2.2
-"""Metres above the ground within which a body keeps the sky's light from it."""
-LOW_BEAM = 15_000.0
-"""Candela of one head-lamp."""
+_EDGE_SHARE = 0.12
+"""At most this share of the pixels is looked at closer."""
 
 
 @dataclass(frozen=True)
@@ -35,64 +26,99 @@ class CameraFrame:
     """What a camera delivers. ``image`` is 8-bit sRGB; ``body`` (actor index, -1 world, -2 nothing) and ``depth`` (metres
     along z, inf where nothing) belong to the pixel's centre; ``aimed`` and ``reached`` as in ``scene.Hits``."""
 
-    image: NDArray[np.uint8]  # (H, W, 3)
+    image: NDArray[np.uint8]  # (H, W, 3) RGB
     body: NDArray[np.int32]  # (H, W)
     depth: NDArray[np.float32]  # (H, W)
     aimed: NDArray[np.int64]  # (A,)
     reached: NDArray[np.int64]  # (A,)
 
 
-class _View(NamedTuple):
-    """A camera at one time: what turns pixels into rays."""
-
-    origin: NDArray[np.float32]  # (3,) global
-    forward: NDArray[np.float64]  # (3,) global, unit
-    right: NDArray[np.float64]  # (3,) change of a ray of depth one per pixel to the right
-    down: NDArray[np.float64]  # (3,) ... per pixel down
-    principal: tuple[float, float]
-
-    def rays(self, u: NDArray, v: NDArray) -> NDArray[np.float32]:
-        """Unit global directions (N, 3) through pixel coordinates (N,)."""
-        across, along = u - self.principal[0], v - self.principal[1]
-        rays = self.forward + across[:, None] * self.right + along[:, None] * self.down
-        return (rays / np.linalg.norm(rays, axis=1, keepdims=True)).astype(np.float32)
-
-
-def _view(camera: Camera, global_T_cam: NDArray) -> _View:
-    K, axes = camera.cam_K, global_T_cam[:3, :3]
-    right, down, forward = axes[:, 0] / K[0, 0], axes[:, 1] / K[1, 1], axes[:, 2]
-    return _View(global_T_cam[:3, 3].astype(np.float32), forward, right, down, (K[0, 2], K[1, 2]))
-
-
 def render_camera(
-    scene: Scene, camera: Camera, *, ego_T_sensor: NDArray | None = None, t: float, rng: np.random.Generator,
+    scene: Scene, camera: Camera, *, ego_T_sensor: NDArray | None = None, t: float, rng: np.random.Generator
 ) -> CameraFrame:
     """Expose one frame at time ``t`` (s). ``ego_T_sensor`` (4, 4) replaces the nominal mount, for a camera that was knocked.
 
     ``rng`` feeds the sensor's noise alone: the same generator state gives the same bytes.
     """
-    view = _view(camera, scene.ego.pose(t) @ (camera.ego_T_sensor if ego_T_sensor is None else ego_T_sensor))
-    height, width = camera.height, camera.width
-    rows, columns = (grid.ravel() for grid in np.indices((height, width)))
-    light = light_of(scene.condition, scene.name)
-    rays = view.rays(columns + 0.5, rows + 0.5)
-    hits = scene.cast(view.origin, rays, t, MAX_RANGE)
-    open_sky = _open_sky(scene, view, rays, hits, t, (height, width))
-    lit = _lit(scene, view, rays, hits, t, light)
-    linear = _luminance(scene, view, rays, hits, t, light, lit, open_sky, 1.0)
+    linear, hits, view = render_luminance(scene, camera, ego_T_sensor=ego_T_sensor, t=t)
+    shape = camera.height, camera.width
+    depth = hits.distance.reshape(shape) * _cosine(camera)
+    return CameraFrame(develop(linear, rng), hits.body.reshape(shape), depth, hits.aimed, hits.reached)
 
-    edges = _edges(hits.body, hits.distance, hits.normal, rays, lit, _material(scene, hits), height, width)
-    chosen = np.flatnonzero(edges)
-    if len(chosen):
-        parent = np.repeat(chosen, len(_SUBPIXEL))
-        offsets = np.tile(_SUBPIXEL, (len(chosen), 1)) + 0.5
-        rays_e = view.rays(columns[parent] + offsets[:, 0], rows[parent] + offsets[:, 1])
-        hits_e = scene.cast(view.origin, rays_e, t, MAX_RANGE)
-        lit_e = _lit(scene, view, rays_e, hits_e, t, light)
-        extra = _luminance(scene, view, rays_e, hits_e, t, light, lit_e, open_sky[parent], 0.5)
-        total = linear[chosen] + extra.reshape(len(chosen), len(_SUBPIXEL), 3).sum(axis=1)
-        linear[chosen] = total / (1 + len(_SUBPIXEL))
 
-    depth = (hits.distance * (rays @ view.forward.astype(np.float32))).reshape(height, width)
-    image = develop(linear.reshape(height, width, 3), rng)
-    return CameraFrame(image, hits.body.reshape(height, width), depth, hits.aimed, hits.reached)
+def render_luminance(
+    scene: Scene, camera: Camera, *, ego_T_sensor: NDArray | None = None, t: float
+) -> tuple[NDArray[np.float32], Hits, View]:
+    """The light (H, W, 3) in cd/m^2 that falls on the sensor, the hits of the pixels' centres (row by row) and the view."""
+    view = View(camera.cam_K, scene.ego.pose(t) @ (camera.ego_T_sensor if ego_T_sensor is None else ego_T_sensor))
+    shape = camera.height, camera.width
+    renderer = Renderer(scene, view, t)
+    centers = np.stack(np.indices(shape)[::-1], axis=-1).reshape(-1, 2) + 0.5
+    rays = view.rays(centers)
+    hits, lit = renderer.cast(rays)
+    open_sky = _open_sky(renderer.cover(rays, hits).reshape(shape)).ravel()
+    linear = renderer.luminance(rays, hits, lit, open_sky, 1.0)
+    chosen = _most(_edges(hits.body.reshape(shape), hits.distance, hits.normal, rays, lit, linear), _EDGE_SHARE)
+    rays_e = view.rays((centers[chosen, None] + _SUBPIXEL).reshape(-1, 2))
+    hits_e, lit_e = renderer.cast(rays_e)
+    sky_e = np.repeat(open_sky[chosen], len(_SUBPIXEL))
+    extra = renderer.luminance(rays_e, hits_e, lit_e, sky_e, 0.5).reshape(len(chosen), len(_SUBPIXEL), 3)
+    linear[chosen] = (linear[chosen] + extra.sum(axis=1)) / (1 + len(_SUBPIXEL))
+    return linear.reshape(*shape, 3), hits, view
+
+
+def _cosine(camera: Camera) -> NDArray[np.float32]:
+    """(H, W): z of the unit ray through each pixel's centre in the camera frame."""
+    K = camera.cam_K
+    x = (np.arange(camera.width) + 0.5 - K[0, 2]) / K[0, 0]
+    y = (np.arange(camera.height) + 0.5 - K[1, 2]) / K[1, 1]
+    return (1 / np.sqrt(1 + x**2 + y[:, None] ** 2)).astype(np.float32)
+
+
+def _open_sky(covered: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Share of the sky (H, W) that the ground sees: the mean over neighbours of which leaning rays got out. Away from any
+    ground pixel, 1."""
+    ground = np.isfinite(covered).astype(np.float32)
+    size = (7, 5)
+    total = cv2.boxFilter(ground, -1, size, borderType=cv2.BORDER_REPLICATE)
+    blocked = cv2.boxFilter(np.nan_to_num(covered), -1, size, borderType=cv2.BORDER_REPLICATE)
+    return 1 - 0.9 * blocked / np.maximum(total, 1e-3)
+
+
+def _most(score: NDArray[np.float32], share: float) -> NDArray[np.int64]:
+    """Indices of the positive scores (N,), the highest ``share`` of all N at most: what bounds the time of a frame."""
+    chosen = np.flatnonzero(score)
+    limit = int(share * len(score))
+    if len(chosen) <= limit:
+        return chosen
+    return np.sort(chosen[np.argpartition(-score[chosen], limit)[:limit]])
+
+
+@jit
+def _edges(body, distance, normal, rays, lit, linear):
+    """How much each pixel (N,) of body (H, W) would gain from a closer look: its contrast to a neighbour where the body
+    changes, the surface turns, a shadow ends or the point leaves the neighbour's plane by more than 2 % of the distance;
+    0 elsewhere. Both sides of an edge score."""
+    height, width = body.shape
+    score = np.zeros(height * width, np.float32)
+    mean = linear[:, 1].mean()
+    for i in range(height):
+        for j in range(width):
+            for di, dj in ((0, 1), (1, 0)):
+                if i + di >= height or j + dj >= width:
+                    continue
+                a, b = i * width + j, (i + di) * width + j + dj
+                one, two = linear[a, 1], linear[b, 1]
+                contrast = abs(one - two) / (one + two + 0.5 * mean)
+                if contrast < 0.05:
+                    continue
+                differs = body[i, j] != body[i + di, j + dj] or lit[a] != lit[b]
+                if not differs and body[i, j] >= -1:
+                    alike, gap = 0.0, 0.0
+                    for c in range(3):
+                        alike += normal[a, c] * normal[b, c]
+                        gap += normal[a, c] * (rays[b, c] * distance[b] - rays[a, c] * distance[a])
+                    differs = alike < 0.9 or abs(gap) > 0.02 * distance[a]
+                if differs:
+                    score[a], score[b] = max(score[a], contrast), max(score[b], contrast)
+    return score

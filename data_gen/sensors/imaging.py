@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from data_gen.sensors.noise import jit
+from data_gen.jit import jit
 
 APERTURE = 1.4
 FULL_WELL = 10_000.0

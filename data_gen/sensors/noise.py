@@ -1,20 +1,8 @@
-"""Lattice noise and analytic box filters for procedural textures, as scalar functions that numba inlines.
-
-numba's cache watches only the file of the function it compiles: after an edit here, delete ``__pycache__`` of this folder.
-"""
-
-from collections.abc import Callable
+"""Lattice noise and analytic box filters for procedural textures, as scalar functions that numba inlines."""
 
 import numpy as np
-from numba import njit
 
-
-def jit(function: Callable) -> Callable:
-    """Compile for one core, cached on disk where some folder for it can be written and in memory elsewhere."""
-    try:
-        return njit(cache=True, fastmath=True, error_model="numpy")(function)
-    except RuntimeError:  # numba found no folder for its cache
-        return njit(fastmath=True, error_model="numpy")(function)
+from data_gen.jit import jit
 
 
 @jit

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from data_gen.sensors.noise import jit, noise2, ramp
+from data_gen.jit import jit
+from data_gen.sensors.noise import noise2, ramp
 from data_gen.sensors.sky import gradient
 
 _GROUND_ALBEDO = 0.13

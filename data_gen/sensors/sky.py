@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_gen.conditions import Condition
-from data_gen.sensors.noise import jit, noise2, ramp
+from data_gen.jit import jit
+from data_gen.sensors.noise import noise2, ramp
 
 SUN_NORMAL = 100_000.0
 """Illuminance of the sun square to its rays through a clear zenith atmosphere times exp(0.2), lux."""
@@ -49,10 +50,11 @@ def light_of(condition: Condition, name: str) -> Light:
         ambient = np.array([1.10, 1.0, 0.82]) * lux
         return Light(direction, np.zeros(3), ambient, zenith, horizon, 0.3, condition.extinction, True, seed)
     full = SUN_NORMAL * np.exp(-0.2 / max(sine, 0.02)) if sine > 0 else 0.0
-    clear = float(ramp(0.25, 0.65, condition.illuminance / max(1.2 * full * sine, 1.0)))
+    clear = float(ramp(0.25, 0.65, condition.illuminance / (1.2 * full * sine))) if sine > 0.02 else 0.0
     clear *= float(np.exp(-condition.extinction * FOG_DEPTH / max(sine, 0.05)))
     direct = min(clear * full, 0.85 * condition.illuminance / max(sine, 0.1))
-    diffuse = max(condition.illuminance - direct * sine, 0.12 * condition.illuminance)
+    diffuse = condition.illuminance - direct * sine
+    diffuse += clear * (min(max(diffuse, 0.1 * condition.illuminance), 4_000.0 + 14_000.0 * sine) - diffuse)
     warm = float(np.exp(-max(sine, 0.0) / 0.18))
     sun = direct * (np.array([1.06, 0.99, 0.88]) * (1 - warm) + np.array([1.35, 0.90, 0.50]) * warm)
     mean = diffuse / np.pi  # of the luminance over the hemisphere, weighted by the cosine

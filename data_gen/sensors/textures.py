@@ -6,8 +6,9 @@ pixel's footprint in metres, analytically or by fading out, so that nothing shim
 
 import numpy as np
 
+from data_gen.jit import jit
 from data_gen.mesh import TEXTURES
-from data_gen.sensors.noise import band, jit, lattice, octave2, octave3
+from data_gen.sensors.noise import band, lattice, octave2, octave3
 
 _PLAIN, _ASPHALT, _GRASS, _CONCRETE, _BRICK, _FACADE, _FOLIAGE, _HOARDING, _METAL, _FABRIC, _WOOD = range(len(TEXTURES))
 
@@ -34,7 +35,7 @@ def _facade(u, v, footprint, rgb, out, night):
 
 @jit
 def _hoarding(u, v, footprint, rgb, out):
-    """Bold printed panels: colour, its opposite and white in turn, crossed by a diagonal stripe."""
+    """Bold printed panels: colour and white in turn, crossed by dark diagonal stripes."""
     column, row = int(np.floor(u / 0.9)), int(np.floor(v / 0.7))
     stripe = band(u + v, 0.8, 0.0, 0.3, 1.4 * footprint)
     check = band(u, 1.8, 0.0, 0.9, footprint)
@@ -42,9 +43,8 @@ def _hoarding(u, v, footprint, rgb, out):
     odd = check * (1 - level) + level * (1 - check)
     wear = 0.94 + 0.06 * lattice(column, row, 81)
     for c in range(3):
-        opposite = 0.75 - 0.7 * rgb[c]
-        panel = rgb[c] * (1 - odd) + opposite * odd
-        out[c] = (panel * (1 - 0.8 * stripe) + 0.8 * 0.8 * stripe) * wear
+        panel = rgb[c] * (1 - odd) + 0.72 * odd
+        out[c] = (panel * (1 - stripe) + (0.03 + 0.25 * rgb[c]) * stripe) * wear
 
 
 @jit
@@ -77,7 +77,9 @@ def texture(kind, x, y, z, u, v, footprint, rgb, out, night):
         _facade(u, v, footprint, rgb, out, night)
     elif kind == _FOLIAGE:
         clump = octave3(x, y, z, 0.9, footprint, 51)
-        gain += 0.38 * clump + 0.40 * octave3(x, y, z, 0.30, footprint, 52) + 0.35 * octave3(x, y, z, 0.10, footprint, 53)
+        gain += (
+            0.38 * clump + 0.40 * octave3(x, y, z, 0.30, footprint, 52) + 0.35 * octave3(x, y, z, 0.10, footprint, 53)
+        )
         out[0] *= 1 + 0.25 * clump
     elif kind == _HOARDING:
         _hoarding(u, v, footprint, rgb, out)
@@ -95,16 +97,16 @@ def texture(kind, x, y, z, u, v, footprint, rgb, out, night):
 def _ground(p, n, o, step_u, step_v, r, span, footprint, slant, raster, origin, resolution, table, out):
     """Mean albedo of the ground raster over the part of the plane (p, n) that one pixel sees; returns the pixel's specular
     share (paint and kerbs have none). The pixel is cut into sub-rays by how much ground it covers."""
-    count_v = int(min(max(np.ceil(footprint * slant / 0.25), 2.0), 12.0))
-    count_u = int(min(max(np.ceil(footprint / 0.10), 2.0), 4.0))
+    count_v = int(min(max(np.ceil(footprint * slant / 0.3), 2.0), 8.0))
+    count_u = int(min(max(np.ceil(footprint / 0.12), 2.0), 4.0))
     gap = n[0] * (p[0] - o[0]) + n[1] * (p[1] - o[1]) + n[2] * (p[2] - o[2])
     rows, columns = raster.shape
     used = 0
     out[0] = out[1] = out[2] = 0.0
     for a in range(count_v):
         for b in range(count_u):
-            dv = span * ((a + 0.5) / count_v - 0.5)
-            du = span * ((b + (a + 0.5) / count_v) / count_u - 0.5)  # sheared, so that no two sub-rays share a column
+            dv = span * ((a + (b + 0.5) / count_u) / count_v - 0.5)  # sheared: no two sub-rays share a row or a column
+            du = span * ((b + (a + 0.5) / count_v) / count_u - 0.5)
             rx = r[0] + du * step_u[0] + dv * step_v[0]
             ry = r[1] + du * step_u[1] + dv * step_v[1]
             facing = n[0] * rx + n[1] * ry + n[2] * (r[2] + du * step_u[2] + dv * step_v[2])

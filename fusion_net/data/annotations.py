@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     from fusion_net.data.nuscenes import NuScenes
 
 MAX_TIME_DIFF = 1.5
-"""Seconds between an instance's annotations beyond which nuScenes knows no velocity; twice that where it is centred."""
+"""Seconds between an instance's annotations beyond which nuScenes knows no velocity; twice that where it is
+centred."""
 _CLASS_INDEX = {name: index for index, name in enumerate(CLASSES)}
 
 
@@ -43,7 +44,8 @@ class Annotations:
 
 
 class AnnotationTable:
-    """Every annotation of a tree, and which rows a sample has. ``label`` of ``everything`` indexes CLASSES, -1 for none."""
+    """Every annotation of a tree, and which rows a sample has. ``label`` of ``everything`` indexes CLASSES, -1 for
+    none."""
 
     def __init__(self, tree: "NuScenes") -> None:
         records = list(tree.tables["sample_annotation"].values())
@@ -76,11 +78,6 @@ class AnnotationTable:
         return replace(found, boxes=replace(found.boxes, label=label[label >= 0]))
 
 
-def ground_truth(tree: "NuScenes", split: str, classes: Sequence[str]) -> dict[str, Annotations]:
-    """Annotations by sample token over a split, in the global frame, unfiltered: what the metric compares with."""
-    return {token: tree.annotations(token, classes) for token in tree.split(split)}
-
-
 def _column(records: list[dict], field: str, shape) -> NDArray[np.float64]:
     return np.array([record[field] for record in records], float).reshape(shape)
 
@@ -103,8 +100,8 @@ def _yaw(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _velocity(tree: "NuScenes", records: list[dict], center: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(N, 2) m/s by differences between the neighbours in time, as the devkit's ``box_velocity``: one-sided at a track's
-    ends, NaN for a lone annotation or too long a gap."""
+    """(N, 2) m/s by differences between the neighbours in time, as the devkit's ``box_velocity``: one-sided at a
+    track's ends, NaN for a lone annotation or too long a gap."""
     row_of = {record["token"]: row for row, record in enumerate(records)}
     own = np.arange(len(records))
     before = np.array([row_of[r["prev"]] if r["prev"] else row for row, r in enumerate(records)], np.int64)

@@ -1,7 +1,7 @@
 """What the camera branch is supervised with, one value a cell of the image at the label stride.
 
-Cell (i, j) covers the pixels [i stride, (i + 1) stride) x [j stride, (j + 1) stride). Depth is along the camera's z axis, in
-metres of the camera: an augmentation of the bird's-eye view, scaling included, does not touch it.
+Cell (i, j) covers the pixels [i stride, (i + 1) stride) x [j stride, (j + 1) stride). Depth is along the camera's z
+axis, in metres of the camera: an augmentation of the bird's-eye view, scaling included, does not touch it.
 """
 
 import numpy as np
@@ -38,7 +38,8 @@ def lidar_depth(
 
 
 def dense_depth(depth: NDArray[np.uint16], stride: int) -> NDArray[np.float32]:
-    """(h, w) metres: the nearest valid pixel of each cell of a depth image (H, W) in DEPTH_UNIT, 0 where all is sky."""
+    """(h, w) metres: the nearest valid pixel of each cell of a depth image (H, W) in DEPTH_UNIT, 0 where all is
+    sky."""
     nearest = (_cells(depth, stride) - np.uint16(1)).min(axis=-1) + np.uint16(1)  # 0 wraps to the farthest and back
     return nearest.astype(np.float32) * np.float32(DEPTH_UNIT)
 

@@ -1,8 +1,10 @@
 """One sensor file to one array: nuScenes' images and point clouds, and the side files of generated trees.
 
-A file that is cut short or of another kind raises one line that names it; half an image or half a cloud is never returned.
+A file that is cut short or of another kind raises one line that names it; half an image or half a cloud is never
+returned.
 """
 
+from functools import lru_cache
 from pathlib import Path
 
 import cv2
@@ -10,16 +12,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 RADAR_FIELDS = (
-    "x", "y", "z", "dyn_prop", "id", "rcs", "vx", "vy", "vx_comp", "vy_comp", "is_quality_valid", "ambig_state", "x_rms",
-    "y_rms", "invalid_state", "pdh0", "vx_rms", "vy_rms",
+    "x", "y", "z", "dyn_prop", "id", "rcs", "vx", "vy", "vx_comp", "vy_comp", "is_quality_valid", "ambig_state",
+    "x_rms", "y_rms", "invalid_state", "pdh0", "vx_rms", "vy_rms",
 )  # fmt: skip
 _PCD_KINDS = {"F": "f", "I": "i", "U": "u"}
-_NO_DETECTION_FILTER = {"invalid_state": (0,), "dyn_prop": tuple(range(7)), "ambig_state": (3,)}
+_DEFAULT_FILTER = {"invalid_state": (0,), "dyn_prop": tuple(range(7)), "ambig_state": (3,)}
 
 
 def read_lidar(path: Path) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Points (P, 5) x, y, z in the sensor frame, intensity 0..255, ring; and the time (P,) of each in seconds relative to the
-    sweep's stamp, 0 where no ``.time.npy`` lies beside the ``.pcd.bin``. An empty file is an empty cloud."""
+    """Points (P, 5) x, y, z in the sensor frame, intensity 0..255, ring; and the time (P,) of each in seconds
+    relative to the sweep's stamp, 0 where no ``.time.npy`` lies beside the ``.pcd.bin``. An empty file is an empty
+    cloud."""
     data = np.fromfile(path, "<f4")
     if path.stat().st_size % 20:
         raise ValueError(f"{path} is cut short: {path.stat().st_size} bytes are no whole number of 20-byte points")
@@ -37,41 +40,51 @@ def read_lidar(path: Path) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
 
 
 def read_radar(path: Path, *, default_filter: bool = False) -> NDArray[np.void]:
-    """Detections as a structured array with nuScenes' 18 fields, in the sensor frame. Records of NaN (an empty scan) are left
-    out; ``default_filter`` also leaves out what nuScenes' own loader does: invalid, ambiguous or unknown returns."""
-    data = path.read_bytes()
-    head, marker, body = data.partition(b"DATA binary\n")
+    """Detections as a structured array with nuScenes' 18 fields, in the sensor frame. Records of NaN (an empty scan)
+    are left out; ``default_filter`` also leaves out what nuScenes' own loader does: invalid, ambiguous or unknown
+    returns."""
+    head, _, body = path.read_bytes().partition(b"DATA binary\n")
+    layout = _pcd_layout(head)
+    if layout is None:
+        raise ValueError(f"{path} has no whole header of a nuScenes radar .pcd (18 binary fields)")
+    dtype, count = layout
+    if len(body) < count * dtype.itemsize:
+        raise ValueError(f"{path} is cut short: {len(body)} bytes for {count} detections of {dtype.itemsize}")
+    detections = np.frombuffer(body, dtype, count)
+    keep = np.isfinite(detections["x"]) & np.isfinite(detections["y"])
+    for field, allowed in _DEFAULT_FILTER.items() if default_filter else ():
+        keep &= np.isin(detections[field], allowed)
+    return detections[keep]
+
+
+@lru_cache(maxsize=1024)
+def _pcd_layout(head: bytes) -> tuple[np.dtype, int] | None:
+    """Record type and number of records that a .pcd header tells; None if it is not one of nuScenes' radars."""
     try:
         header = dict(line.split(" ", 1) for line in head.decode("ascii").splitlines() if not line.startswith("#"))
         columns = zip(header["FIELDS"].split(), header["TYPE"].split(), header["SIZE"].split(), strict=True)
         dtype = np.dtype([(name, f"<{_PCD_KINDS[kind]}{size}") for name, kind, size in columns])
         count = int(header["WIDTH"]) * int(header["HEIGHT"])
-    except (ValueError, KeyError, UnicodeDecodeError):
-        marker = b""
-    if not marker or dtype.names != RADAR_FIELDS:
-        raise ValueError(f"{path} has no whole header of a nuScenes radar .pcd (18 binary fields)")
-    if len(body) < count * dtype.itemsize:
-        raise ValueError(f"{path} is cut short: {len(body)} bytes for {count} detections of {dtype.itemsize}")
-    detections = np.frombuffer(body, dtype, count)
-    keep = np.isfinite(detections["x"]) & np.isfinite(detections["y"])
-    for field, allowed in _NO_DETECTION_FILTER.items() if default_filter else ():
-        keep &= np.isin(detections[field], allowed)
-    return detections[keep]
+    except (ValueError, KeyError, TypeError):
+        return None
+    return (dtype, count) if dtype.names == RADAR_FIELDS else None
 
 
 def read_image(path: Path) -> NDArray[np.uint8]:
     """RGB image (H, W, 3)."""
-    return cv2.cvtColor(_decode(path, cv2.IMREAD_COLOR), cv2.COLOR_BGR2RGB)
+    return np.asarray(cv2.cvtColor(_decode(path, cv2.IMREAD_COLOR), cv2.COLOR_BGR2RGB), np.uint8)
 
 
 def read_labels(path: Path, suffix: str) -> NDArray | None:
-    """The picture ``<stem><suffix>`` beside an image, such as ``.depth.png`` (H, W) uint16; None where there is none."""
+    """The picture ``<stem><suffix>`` beside an image, such as ``.depth.png`` (H, W) uint16; None where there is
+    none."""
     side_file = path.with_suffix(suffix)
     return _decode(side_file, cv2.IMREAD_UNCHANGED) if side_file.exists() else None
 
 
 def _decode(path: Path, flags: int) -> NDArray:
-    """Decoded picture. The end marker is looked for first, because the decoder pads a file that is cut short with grey."""
+    """Decoded picture. The end marker is looked for first, because the decoder pads a file that is cut short with
+    grey."""
     data = path.read_bytes()
     end = b"IEND" if path.suffix == ".png" else b"\xff\xd9"
     image = cv2.imdecode(np.frombuffer(data, np.uint8), flags) if end in data[-32:] else None

@@ -114,7 +114,7 @@ class MetricsCSV(pl.Callback):
         if trainer.global_step % self.every == 0:
             self._append(trainer, "train/")
 
-    def on_validation_epoch_end(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
+    def on_validation_end(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
         """Writes the scores."""
         self._append(trainer, "val/")
 

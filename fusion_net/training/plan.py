@@ -30,7 +30,9 @@ class TrainingPlan:
 
     def __post_init__(self) -> None:
         if self.fusion_steps < 1 or self.camera_steps < 0:
-            raise ValueError(f"plan: camera_steps={self.camera_steps} must be >= 0 and fusion_steps={self.fusion_steps} >= 1")
+            raise ValueError(
+                f"plan: camera_steps={self.camera_steps} must be >= 0 and fusion_steps={self.fusion_steps} >= 1"
+            )
         if self.max_minutes is not None and self.max_minutes <= 0:
             raise ValueError(f"plan: max_minutes={self.max_minutes} must be above 0")
         if self.camera_steps == 0 and self.fusion_began is None:

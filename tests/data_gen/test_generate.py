@@ -3,7 +3,7 @@ import json
 
 import pytest
 
-from data_gen.conditions import ConditionMix
+from data_gen.conditions import ConditionMix, Preset
 from data_gen.episode import Scenario
 from data_gen.generate import DataConfig, Job, generate, record_path
 from data_gen.rig import Camera, Lidar, Radar, Rig
@@ -29,7 +29,9 @@ def job(root, rig, *, num_scenes=3, seed=5, **weights):
         name="tiny", root=str(root), num_scenes=num_scenes, keyframes=2, split_weights=weights or {"train": 1, "val": 1}
     )
     scenario = Scenario(layouts={"train": {"highway": 1, "two_way": 1}})
-    return Job(data=data, rig=rig, scenario=scenario, condition=ConditionMix.only("clear"), seed=seed)
+    clear = Preset(illuminance=[40_000.0, 80_000.0], sun_elevation=[30.0, 60.0])
+    condition = ConditionMix(presets={"clear": clear}, weights={"clear": 1.0})
+    return Job(data=data, rig=rig, scenario=scenario, condition=condition, seed=seed)
 
 
 def settings(seed=5):

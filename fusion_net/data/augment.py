@@ -1,0 +1,85 @@
+"""Augmentation of a sample: one matrix for the bird's-eye view, one for the colours.
+
+The bird's-eye matrix (4, 4) turns, mirrors and scales the ego frame, and with it points, boxes, headings, velocities
+and the cameras' ``ego_T_cam``, so that a 3-D point stays on its pixel and its cell. A scaled or mirrored
+``ego_T_cam`` is no rigid motion any more: invert it as a general matrix. Depth labels are metres of the camera and
+stay as they are.
+"""
+
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from beartype import beartype
+from numpy.typing import NDArray
+
+from fusion_net.boxes import transform_boxes
+from fusion_net.data.samples import Sample
+from fusion_net.geometry import from_yaw
+
+GREY = np.array([0.299, 0.587, 0.114])
+"""Luma of RGB (ITU-R BT.601)."""
+
+
+@beartype
+@dataclass(frozen=True, kw_only=True)
+class Augment:
+    """What is drawn for a sample. ``rotation_deg``: heading within +-; ``scale``: size within 1 +-; ``flip_y``
+    mirrors left and right, ``flip_x`` ahead and behind, each in half of the samples. ``brightness``, ``contrast``,
+    ``saturation``: factors within 1 +-, one draw for all cameras of the sample."""
+
+    rotation_deg: float = 0.0
+    scale: float = 0.0
+    flip_x: bool = False
+    flip_y: bool = False
+    brightness: float = 0.0
+    contrast: float = 0.0
+    saturation: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("scale", "brightness", "contrast", "saturation"):
+            if not 0 <= getattr(self, name) < 1:
+                raise ValueError(f"augment: {name}={getattr(self, name)} is not within [0, 1)")
+
+    def __call__(self, sample: Sample, rng: np.random.Generator) -> Sample:
+        """The sample, changed at random."""
+        return change_colors(change_view(sample, self.draw_view(rng)), self.draw_colors(rng))
+
+    def draw_view(self, rng: np.random.Generator) -> NDArray[np.float64]:
+        """``new_T_ego`` (4, 4)."""
+        turn, size = rng.uniform(-1, 1, 2) * (np.radians(self.rotation_deg), self.scale)
+        mirror = np.where((rng.random(2) < 0.5) & (self.flip_x, self.flip_y), -1.0, 1.0)
+        return from_yaw(turn) @ np.diag([*(mirror * (1 + size)), 1 + size, 1.0])
+
+    def draw_colors(self, rng: np.random.Generator) -> NDArray[np.float64]:
+        """(3, 4) from (R, G, B, 1) in 0..255 to the new RGB."""
+        reach = (self.brightness, self.contrast, self.saturation)
+        brightness, contrast, saturation = 1 + rng.uniform(-1, 1, 3) * reach
+        mix = saturation * np.eye(3) + (1 - saturation) * GREY  # each colour against its own grey
+        offset = np.full((3, 1), 127.5 * (1 - contrast) * brightness)
+        return np.hstack([mix * contrast * brightness, offset])
+
+
+def change_view(sample: Sample, new_T_ego: NDArray[np.float64]) -> Sample:
+    """The sample in another ego frame (4, 4)."""
+    linear, shift = new_T_ego[:3, :3].astype(np.float32), new_T_ego[:3, 3].astype(np.float32)
+    lidar, radar = sample.lidar_points.copy(), sample.radar_points.copy()
+    lidar[:, :3] = lidar[:, :3] @ linear.T + shift
+    radar[:, :3] = radar[:, :3] @ linear.T + shift
+    radar[:, 4:6] = radar[:, 4:6] @ linear[:2, :2].T  # vx, vy
+    return replace(
+        sample,
+        lidar_points=lidar,
+        radar_points=radar,
+        ego_T_cam=new_T_ego @ sample.ego_T_cam,
+        boxes=transform_boxes(new_T_ego, sample.boxes),
+    )
+
+
+def change_colors(sample: Sample, colors: NDArray[np.float64]) -> Sample:
+    """The sample with its images (0..255) put through a colour matrix (3, 4)."""
+    count, height, width, _ = sample.images.shape
+    if not count or np.array_equal(colors, np.eye(3, 4)):
+        return sample
+    changed = np.asarray(cv2.transform(sample.images.reshape(count * height, width, 3), colors), np.uint8)
+    return replace(sample, images=changed.reshape(sample.images.shape))

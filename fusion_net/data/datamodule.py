@@ -1,0 +1,152 @@
+"""Samples to batches: the torch Dataset, the order of an epoch, the collation and the loader."""
+
+import ctypes
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import torch
+from beartype import beartype
+from torch import Tensor
+from torch.utils.data import DataLoader, Dataset, Sampler
+
+from fusion_net.bev_grid import BEVGrid
+from fusion_net.data.augment import Augment
+from fusion_net.data.nuscenes import NuScenes, split_of
+from fusion_net.data.samples import Sample, SampleReader
+from fusion_net.data.targets import center_targets
+from fusion_net.structures import Batch
+
+
+@beartype
+class NuScenesDataset(Dataset):
+    """The samples of a split of one nuScenes tree, or of several read as one.
+
+    ``grid``: the cells of the targets; boxes off it are left out. ``cache`` keeps what was decoded (not what was
+    augmented) in memory. Further arguments are those of :class:`SampleReader`. An index is a sample's place or
+    (epoch, place): augmentation follows from (seed, epoch, place) alone.
+    """
+
+    def __init__(
+        self,
+        root: str | list[str],
+        split: str,
+        *,
+        grid: BEVGrid,
+        augment: Augment | None = None,
+        min_radius: int = 2,
+        cache: bool = False,
+        seed: int = 0,
+        **reader,
+    ) -> None:
+        self.grid, self.augment, self.min_radius, self.cache, self.seed = grid, augment, min_radius, cache, seed
+        self.reader = SampleReader(**reader)
+        self.trees = [NuScenes(folder) for folder in ([root] if isinstance(root, str) else root)]
+        self.index = split_of(self.trees, split)
+        self._decoded: dict[int, Sample] = {}
+
+    def __len__(self) -> int:
+        return len(self.index)
+
+    def __getitem__(self, key: int | tuple[int, int]) -> Sample:
+        epoch, place = key if isinstance(key, tuple) else (0, key)
+        sample = self._decoded.get(place)
+        if sample is None:
+            sample = self.reader.read(*self.index[place])
+            if self.cache:
+                self._decoded[place] = sample
+        if self.augment is not None:
+            sample = self.augment(sample, np.random.default_rng([self.seed, epoch, place]))
+        return replace(sample, boxes=sample.boxes[self.grid.contains(sample.boxes.center)])
+
+    @property
+    def classes(self) -> list[str]:
+        """Names that box labels and heat maps index."""
+        return self.reader.classes
+
+    def collate(self, samples: list[Sample]) -> Batch:
+        """Samples as one batch with targets."""
+        boxes = tuple(sample.boxes for sample in samples)
+        targets = center_targets(boxes, grid=self.grid, num_classes=len(self.classes), min_radius=self.min_radius)
+        return replace(collate(samples), targets=targets)
+
+
+def collate(samples: list[Sample]) -> Batch:
+    """Samples as one batch without targets. Points are joined end to end, nothing is padded."""
+
+    def stacked(name: str, dtype: torch.dtype) -> Tensor:
+        return torch.from_numpy(np.stack([getattr(sample, name) for sample in samples])).to(dtype)
+
+    def stacked_if_known(name: str, dtype: torch.dtype) -> Tensor | None:
+        return None if any(getattr(sample, name) is None for sample in samples) else stacked(name, dtype)
+
+    def owner(name: str) -> Tensor:
+        return torch.from_numpy(np.repeat(np.arange(len(samples)), [len(getattr(sample, name)) for sample in samples]))
+
+    return Batch(
+        tokens=[sample.token for sample in samples],
+        images=stacked("images", torch.uint8).permute(0, 1, 4, 2, 3).contiguous(),
+        cam_K=stacked("cam_K", torch.float32),
+        ego_T_cam=stacked("ego_T_cam", torch.float32),
+        lidar_points=torch.from_numpy(np.concatenate([sample.lidar_points for sample in samples])),
+        lidar_batch=owner("lidar_points"),
+        radar_points=torch.from_numpy(np.concatenate([sample.radar_points for sample in samples])),
+        radar_batch=owner("radar_points"),
+        present=stacked("present", torch.bool),
+        lidar_depth=stacked("lidar_depth", torch.float32),
+        dense_depth=stacked_if_known("dense_depth", torch.float32),
+        class_map=stacked_if_known("class_map", torch.int64),
+        boxes=tuple(sample.boxes for sample in samples),
+    )
+
+
+class EpochSampler(Sampler[tuple[int, int]]):
+    """Gives (epoch, place): the order of an epoch, and what is drawn for a sample in it, follow from (seed, epoch)
+    alone, so that a resumed run sees what an unbroken one sees."""
+
+    def __init__(self, length: int, *, shuffle: bool, seed: int = 0) -> None:
+        self.length, self.shuffle, self.seed, self.epoch = length, shuffle, seed, 0
+
+    def set_epoch(self, epoch: int) -> None:
+        """Which epoch comes next."""
+        self.epoch = epoch
+
+    def __iter__(self) -> Iterator[tuple[int, int]]:
+        order = np.arange(self.length)
+        if self.shuffle:
+            np.random.default_rng([self.seed, self.epoch]).shuffle(order)
+        return ((self.epoch, place) for place in order.tolist())
+
+    def __len__(self) -> int:
+        return self.length
+
+
+def make_loader(
+    dataset: NuScenesDataset, *, batch_size: int, shuffle: bool = False, num_workers: int = 0, drop_last: bool = False
+) -> DataLoader:
+    """Batches of a dataset. Its sampler's ``set_epoch`` is to be called before each epoch (Lightning does)."""
+    return DataLoader(
+        dataset,
+        batch_size=batch_size,
+        sampler=EpochSampler(len(dataset), shuffle=shuffle, seed=dataset.seed),
+        collate_fn=dataset.collate,
+        num_workers=num_workers,
+        persistent_workers=num_workers > 0,
+        drop_last=drop_last,
+        worker_init_fn=_one_thread if num_workers else None,
+    )
+
+
+def _one_thread(worker: int) -> None:
+    import cv2
+
+    cv2.setNumThreads(1)
+
+
+def trim_memory() -> None:
+    """Gives freed memory back to the system. Point lists of ever new lengths break the heap of glibc into pieces that
+    it keeps; called every 50 steps or so this holds the resident size of a training process at what it uses."""
+    try:
+        ctypes.CDLL("libc.so.6").malloc_trim(0)
+    except OSError:  # another C library: nothing to trim
+        return

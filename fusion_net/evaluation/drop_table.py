@@ -1,0 +1,133 @@
+"""The drop table: one trained model scored with every subset of its sensors, through the ``present`` mask alone."""
+
+import sys
+import time
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from statistics import median
+from typing import Any, Protocol
+
+import numpy as np
+import torch
+from torch import Tensor
+from tqdm import tqdm
+
+from fusion_net.boxes import Boxes
+from fusion_net.evaluation.bootstrap import bootstrap_map, draw_scenes, interval
+from fusion_net.evaluation.random_guess import random_guess
+from fusion_net.evaluation.scoring import GroundTruth
+from fusion_net.metrics.detection import DetectionMetrics
+from fusion_net.metrics.matching import TP_ERRORS
+from fusion_net.metrics.sample_boxes import SampleBoxes
+from fusion_net.structures import MODALITIES, Batch
+
+SUBSETS = (
+    ("camera", "lidar", "radar"), ("camera", "lidar"), ("camera", "radar"), ("lidar", "radar"), ("camera",), ("lidar",),
+    ("radar",),
+)  # fmt: skip
+"""The rows of the table, always these and in this order."""
+
+
+class Detector(Protocol):
+    """What is evaluated: early, mid or late fusion alike."""
+
+    def __call__(self, batch: Batch, present: Tensor) -> Any:
+        """Outputs of a batch with the sensors of ``present`` (B, M)."""
+
+    def decode(self, outputs: Any) -> list[Boxes]:
+        """Boxes of each sample in the reference ego frame."""
+
+
+@dataclass(frozen=True)
+class DropTable:
+    """The rows as ``drop_table.json`` stores them, and the boxes behind them."""
+
+    rows: list[dict[str, Any]]
+    random: dict[str, Any]
+    tables: list[SampleBoxes]  # of each row; the first is what results_nusc.json holds
+    found: list[dict[str, Boxes]]  # of each row: predictions by token in the ego frame
+
+
+def drop_table(
+    model: Detector,
+    batches: Iterable[Batch],
+    truth: GroundTruth,
+    *,
+    seed: int,
+    resamples: int = 200,
+    device: str = "cpu",
+) -> DropTable:
+    """Scores all subsets. ``batches`` hold every sample of ``truth`` once, in any order; each is read once and shown to the
+    model seven times. All rows are scored on the same ``resamples`` draws of scenes, so their differences are paired."""
+    found, milliseconds = predict(model, batches, device=device)
+    missing = [token for token in truth.tokens if token not in found[0]]
+    if missing:
+        raise ValueError(
+            f"drop table: no predictions for {len(missing)} of {len(truth.tokens)} samples, first {missing[0]}"
+        )
+    copies = draw_scenes(truth.scenes, resamples=resamples, rng=np.random.default_rng([seed, 0]))
+    tables = [truth.table([boxes[token] for token in truth.tokens]) for boxes in found]
+    chance = truth.table(random_guess(truth, rng=np.random.default_rng([seed, 1])))
+    rows, draws = [], []
+    for subset, table, ms in [*zip(SUBSETS, tables, milliseconds, strict=True), ((), chance, 0.0)]:
+        matches = truth.matches(table)
+        draws.append(bootstrap_map(truth.metric, matches, copies))
+        score = truth.metric.summarise(matches)
+        row = {"sensors": list(subset)} | describe(score) | {"mAP_ci95": interval(draws[-1])}
+        official = truth.official(table)
+        row |= {"mAP_official": official.mAP, "NDS_official": official.NDS, "ms_per_sample": ms}
+        first = rows[0] if rows else row
+        row |= {"delta_mAP": row["mAP"] - first["mAP"], "delta_mAP_ci95": interval(draws[-1] - draws[0])}
+        rows.append(row)
+    return DropTable(rows[:-1], rows[-1], tables, found)
+
+
+def describe(score: DetectionMetrics) -> dict[str, Any]:
+    """The figures of a score by name; an error that no class defines is None."""
+    errors = [None if np.isnan(error) else float(error) for error in score.mean_errors]
+    return {
+        "mAP": score.mAP,
+        "NDS": score.NDS,
+        **dict(zip(TP_ERRORS, errors, strict=True)),
+        "AP": dict(zip(score.classes, score.class_ap.tolist(), strict=True)),
+        "num_gt": dict(zip(score.classes, score.num_gt.tolist(), strict=True)),
+    }
+
+
+@torch.inference_mode()
+def predict(
+    model: Detector, batches: Iterable[Batch], *, subsets: Sequence[Sequence[str]] = SUBSETS, device: str = "cpu"
+) -> tuple[list[dict[str, Boxes]], list[float]]:
+    """Boxes by token for each subset, and its milliseconds a sample (forward and decoding; the median over batches)."""
+    found: list[dict[str, Boxes]] = [{} for _ in subsets]
+    times: list[list[float]] = [[] for _ in subsets]
+    for step, batch in enumerate(_progress(batches)):
+        batch = batch.to(device)
+        for row, subset in enumerate(subsets):
+            kept = torch.tensor([name in subset for name in MODALITIES], device=device)
+            for _ in range(2 if step == 0 else 1):  # a subset's first pass sets things up: not timed
+                start = _now(device)
+                boxes = model.decode(model(batch, present=batch.present & kept))
+                seconds = _now(device) - start
+            times[row].append(1e3 * seconds / batch.size)
+            found[row].update(zip(batch.tokens, boxes, strict=True))
+    return found, [median(values) if values else 0.0 for values in times]
+
+
+def _now(device: str) -> float:
+    if device.startswith("cuda"):
+        torch.cuda.synchronize()
+    return time.perf_counter()
+
+
+def _progress(batches: Iterable[Batch]) -> Iterable[Batch]:
+    """A bar on a terminal, a line every tenth of the work elsewhere."""
+    total = len(batches) if hasattr(batches, "__len__") else None
+    if sys.stderr.isatty():
+        yield from tqdm(batches, total=total, unit="batch", desc="evaluate", ascii=True)
+        return
+    every = max(1, (total or 100) // 10)
+    for step, batch in enumerate(batches, start=1):
+        yield batch
+        if step % every == 0 or step == total:
+            print(f"evaluated {step}{f'/{total}' if total else ''} batches", flush=True)

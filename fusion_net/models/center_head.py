@@ -1,0 +1,109 @@
+"""Objects as points (CenterPoint, Yin et al. 2021): a heat map a class, and the box regressed at its peaks."""
+
+import math
+
+import numpy as np
+import torch
+import torch.nn.functional as F
+from beartype import beartype
+from torch import Tensor, nn
+
+from fusion_net.bev_grid import BEVGrid
+from fusion_net.boxes import CLASSES, Boxes
+from fusion_net.models.layers import ConvBlock
+
+REGRESSIONS = {"offset": 2, "height": 1, "size": 3, "rot": 2, "velocity": 2, "log_variance": 2}
+"""Channels of each map: metres from the cell's centre, z in m, log of w l h, sin and cos of yaw, m/s, log of m^2."""
+
+NMS_RADIUS = {
+    "car": 2.0,
+    "truck": 3.5,
+    "bus": 3.2,
+    "trailer": 3.2,
+    "construction_vehicle": 3.5,
+    "pedestrian": 0.4,
+    "motorcycle": 0.9,
+    "bicycle": 0.9,
+    "traffic_cone": 0.4,
+    "barrier": 1.0,
+}
+"""Metres within which a second centre of the same class is the same object; the square roots of CenterPoint's table,
+which compares squared distances."""
+
+PRIOR = -2.19  # logit of 0.1: nearly all cells are empty, and the focal loss starts where it should
+
+
+@beartype
+class CenterHead(nn.Module):
+    """(B, inputs, Y, X) to maps: "heatmap" logits (B, K, Y, X) and REGRESSIONS; ``decode`` turns maps into boxes."""
+
+    def __init__(
+        self,
+        *,
+        grid: BEVGrid,
+        classes: list[str],
+        inputs: int = 32,
+        hidden: int = 48,
+        max_boxes: int = 100,
+        min_score: float = 0.0,
+        nms_radius: dict[str, float] = NMS_RADIUS,
+    ) -> None:
+        super().__init__()
+        unknown = [name for name in classes if name not in CLASSES]
+        if unknown or not classes:
+            raise ValueError(
+                f"center head: classes {unknown or classes} are not detection classes; choose from {CLASSES}"
+            )
+        self.grid, self.max_boxes, self.min_score = grid, max_boxes, min_score
+        self.heatmap = nn.Sequential(ConvBlock(inputs, hidden), nn.Conv2d(hidden, len(classes), 1))
+        self.box = nn.Sequential(ConvBlock(inputs, hidden), nn.Conv2d(hidden, sum(REGRESSIONS.values()), 1))
+        nn.init.constant_(self.heatmap[1].bias, PRIOR)
+        radius = torch.tensor([nms_radius[name] for name in classes])
+        self.register_buffer("radius", radius, persistent=False)
+        self.register_buffer("centers", grid.centers().float().permute(2, 0, 1), persistent=False)
+
+    def forward(self, decoded: Tensor) -> dict[str, Tensor]:
+        """Maps in float32, whatever autocast does around them."""
+        box = self.box(decoded).float().split(list(REGRESSIONS.values()), dim=1)
+        return {"heatmap": self.heatmap(decoded).float()} | dict(zip(REGRESSIONS, box, strict=True))
+
+    @torch.no_grad()
+    def decode(self, maps: dict[str, Tensor]) -> list[Boxes]:
+        """Boxes of each sample in the ego frame, best first: peaks of 3 x 3 cells, top ``max_boxes``, circle NMS."""
+        heat = maps["heatmap"].float().nan_to_num(nan=-math.inf).sigmoid()
+        peaks = torch.where(F.max_pool2d(heat, 3, stride=1, padding=1) == heat, heat, -1.0).flatten(1)
+        score, flat = peaks.topk(min(self.max_boxes, peaks.shape[1]), dim=1)  # (B, K)
+        rows, columns = self.grid.shape
+        label = torch.div(flat, rows * columns, rounding_mode="floor")
+        cell = flat % (rows * columns)
+        values = {name: _at(maps[name].float(), cell) for name in REGRESSIONS}
+        xy = self.centers.flatten(1).T[cell] + values["offset"]
+        kept = (score > self.min_score) & self._unique(xy, label)
+        center = torch.cat([xy, values["height"]], dim=-1)
+        wlh = values["size"].clamp(-5.0, 5.0).exp()
+        yaw = torch.atan2(values["rot"][..., 0], values["rot"][..., 1])
+        columns_of_box = (center, wlh, yaw, values["velocity"], label, score, values["log_variance"].clamp(-12.0, 12.0))
+        arrays = [x.cpu().numpy() for x in columns_of_box]
+        return [_boxes(*(x[b][kept[b].cpu().numpy()] for x in arrays)) for b in range(len(heat))]
+
+    def _unique(self, xy: Tensor, label: Tensor) -> Tensor:
+        """Greedy circle NMS over candidates (B, K) that are sorted by score: nobody better of the class is near.
+
+        The loop is over ranks, for all samples at once.
+        """
+        near = torch.cdist(xy, xy) < self.radius[label][..., None]
+        rivals = near & (label[..., None] == label[:, None])  # (B, K, K)
+        kept = torch.ones_like(label, dtype=torch.bool)
+        for rank in range(1, label.shape[1]):
+            kept[:, rank] = ~(rivals[:, rank, :rank] & kept[:, :rank]).any(dim=1)
+        return kept
+
+
+def _at(values: Tensor, cell: Tensor) -> Tensor:
+    """Values (B, C, Y, X) at flat cells (B, K), as (B, K, C)."""
+    return values.flatten(2).gather(2, cell[:, None].expand(-1, values.shape[1], -1)).transpose(1, 2)
+
+
+def _boxes(center, wlh, yaw, velocity, label, score, log_variance) -> Boxes:
+    real = [np.asarray(x, np.float64) for x in (center, wlh, yaw, velocity, score, log_variance)]
+    return Boxes(*real[:4], label.astype(np.int64), *real[4:])

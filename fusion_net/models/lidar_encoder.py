@@ -1,0 +1,87 @@
+"""A point cloud to a bird's-eye view: dynamic pillars without a cap (Lang et al. 2019; Zhou et al. 2020)."""
+
+import torch
+import torch.nn.functional as F
+from beartype import beartype
+from torch import Tensor, nn
+
+from fusion_net.bev_grid import BEVGrid
+from fusion_net.models.layers import ConvBlock
+from fusion_net.models.lift_splat import to_map
+from fusion_net.structures import LIDAR_CHANNELS, Batch
+
+
+class _SegmentMax(torch.autograd.Function):
+    """Maximum of non-negative rows (P, C) over segments; the gradient goes to all rows that equal it.
+
+    The backward of ``scatter_reduce`` shares it between ties by counting them, which costs as much again. After a
+    ReLU the frequent tie is at 0, where it is stopped anyway.
+    """
+
+    @staticmethod
+    def forward(ctx, rows: Tensor, segment: Tensor, count: int) -> Tensor:
+        index = segment[:, None].expand_as(rows)
+        top = rows.new_zeros(count, rows.shape[1]).scatter_reduce(0, index, rows, "amax")
+        ctx.save_for_backward(rows, segment, top)
+        return top
+
+    @staticmethod
+    def backward(ctx, *grads: Tensor) -> tuple[Tensor, None, None]:
+        rows, segment, top = ctx.saved_tensors
+        grad = grads[0].index_select(0, segment)
+        return grad.masked_fill_(rows != top.index_select(0, segment), 0.0), None, None
+
+
+@beartype
+class LidarEncoder(nn.Module):
+    """LiDAR branch: ``forward(batch)`` gives (B, channels, Y, X); an empty cloud gives a constant map.
+
+    ``pillar`` is the pillar's side in metres: the grid's cell, a half or a quarter. ``extra_channels`` counts columns
+    that follow LIDAR_CHANNELS (painted class scores).
+    """
+
+    def __init__(
+        self, *, grid: BEVGrid, channels: int = 32, pillar: float = 0.4, features: int = 32, extra_channels: int = 0
+    ) -> None:
+        super().__init__()
+        ratio = round(grid.cell / pillar)
+        if ratio not in (1, 2, 4) or abs(ratio * pillar - grid.cell) > 1e-6:
+            nearest = min((grid.cell, grid.cell / 2, grid.cell / 4), key=lambda side: abs(side - pillar))
+            raise ValueError(
+                f"lidar encoder: a pillar of {pillar} m does not halve into the {grid.cell} m cell; use {nearest}"
+            )
+        self.channels, self.grid, self.pillars = channels, grid, grid.at(grid.cell / ratio)
+        self.point = nn.Linear(len(LIDAR_CHANNELS) + 5 + extra_channels, features)
+        self.norm = nn.BatchNorm1d(features)
+        steps = [ConvBlock(features, features, stride=2) for _ in range(ratio.bit_length() - 1)]
+        self.convs = nn.Sequential(*steps, ConvBlock(features, channels))
+
+    def forward(self, batch: Batch) -> Tensor:
+        """(B, channels, Y, X)."""
+        return self.encode(batch.lidar_points, batch.lidar_batch, batch.size)
+
+    def encode(self, points: Tensor, sample: Tensor, size: int) -> Tensor:
+        """The same from points (P, 5 + extra) and the sample (P,) of each."""
+        rows, columns = self.pillars.shape
+        row, column, inside = self.pillars.rows_columns(points[:, :2])
+        kept = inside.nonzero()[:, 0]
+        pillar = ((sample.long() * rows + row) * columns + column)[kept]
+        points, row, column = points[kept], row[kept], column[kept]
+        occupied, segment = torch.unique(pillar, return_inverse=True)
+        features = F.relu(self.point(self._decorate(points, row, column, segment, len(occupied)))).float()
+        top = _SegmentMax.apply(features, segment, len(occupied))
+        # Norm over the occupied pillars only: they are few, and the empty ones say nothing about the scale.
+        top = self.norm(top) if len(occupied) > 1 or not self.training else top
+        top = top.to(torch.get_autocast_dtype(top.device.type)) if torch.is_autocast_enabled(top.device.type) else top
+        canvas = top.new_zeros(size * rows * columns, top.shape[1]).index_copy(0, occupied, top)
+        return self.convs(to_map(canvas, size, self.pillars))
+
+    def _decorate(self, points: Tensor, row: Tensor, column: Tensor, segment: Tensor, count: int) -> Tensor:
+        """Point features (P, 10 + extra) of order one, with offsets from the pillar's mean and centre."""
+        grid, xyz = self.pillars, points[:, :3]
+        total = xyz.new_zeros(count, 3).index_add_(0, segment, xyz)
+        mean = total / torch.bincount(segment, minlength=count).clamp(min=1)[:, None]
+        center = torch.stack([grid.x_min + (column + 0.5) * grid.cell, grid.y_min + (row + 0.5) * grid.cell], dim=-1)
+        scale = xyz.new_tensor([0.05, 0.05, 0.5])  # tens of metres across, metres up
+        from_center = (xyz[:, :2] - center) / grid.cell
+        return torch.cat([xyz * scale, points[:, 3:], xyz - mean[segment], from_center.to(xyz)], dim=1)

@@ -1,0 +1,37 @@
+"""Writes the golden case of the metric's test: a random tree, a result file and the devkit's score of it.
+
+.venv-devkit/bin/python -m tools.devkit.make_golden tests/fusion_net/golden/detection_metric.json
+"""
+
+import json
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.random_tree import SPLIT, make_results, make_tables, write_tree
+from tools.devkit.score import score
+
+
+def main(path: Path) -> None:
+    """Three scenes of two keyframes; no bus is predicted, no trailer labelled, the first sample has no box."""
+    rng = np.random.default_rng(3)
+    tables = _short(make_tables(rng, scenes=3, keyframes=2, objects=36, absent="trailer"))
+    results = _short(make_results(tables, rng, boxes=60, unpredicted="bus", empty=1))
+    with tempfile.TemporaryDirectory() as folder:
+        write_tree(Path(folder), tables)
+        result_file = Path(folder) / "results.json"
+        result_file.write_text(json.dumps(results))
+        summary = score(Path(folder), SPLIT, result_file)
+    kept = {name: summary[name] for name in ("label_aps", "mean_ap", "label_tp_errors", "tp_errors", "nd_score")}
+    path.write_text(json.dumps({"tables": tables, "results": results, "summary": kept}, separators=(",", ":")) + "\n")
+
+
+def _short(value):
+    """The value with nine decimals a number: what is on disk is what is scored."""
+    return json.loads(json.dumps(value), parse_float=lambda text: round(float(text), 9))
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

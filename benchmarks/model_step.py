@@ -15,6 +15,7 @@ from omegaconf import OmegaConf
 from fusion_net import geometry
 from fusion_net.bev_grid import BEVGrid
 from fusion_net.boxes import CLASSES
+from fusion_net.models.camera_encoder import CameraEncoder
 from fusion_net.models.fusion_net import FusionNet
 from fusion_net.structures import Batch, Targets
 
@@ -92,10 +93,12 @@ def random_batch(
 
 def timed_steps(model: FusionNet, batch: Batch, *, frozen: bool, steps: int = 12) -> dict[str, float]:
     """Median milliseconds of the stages of a training step, by hooks around the parts."""
-    model.encoders["camera"].freeze(frozen)
+    camera = model.encoders["camera"]
+    assert isinstance(camera, CameraEncoder)
+    camera.freeze(frozen)
     model.train()
     optimizer = torch.optim.AdamW([p for p in model.parameters() if p.requires_grad], lr=1e-3)
-    parts = {f"{n} forward": m for n, m in model.encoders.items()}
+    parts: dict[str, torch.nn.Module] = {f"{n} forward": m for n, m in model.encoders.items()}
     parts |= {"fuser forward": model.fuser, "decoder forward": model.decoder, "head forward": model.head}
     clock: dict[str, list[float]] = {}
     began: dict[str, float] = {}

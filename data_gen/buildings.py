@@ -8,7 +8,14 @@ from data_gen.mesh import TEXTURES, Mesh, Scatterers, Surface
 Array = NDArray[np.float64]
 
 WALLS = np.array(
-    [(0.45, 0.40, 0.33), (0.55, 0.52, 0.47), (0.36, 0.19, 0.14), (0.50, 0.42, 0.28), (0.30, 0.32, 0.35), (0.60, 0.58, 0.55)],
+    [
+        (0.45, 0.40, 0.33),
+        (0.55, 0.52, 0.47),
+        (0.36, 0.19, 0.14),
+        (0.50, 0.42, 0.28),
+        (0.30, 0.32, 0.35),
+        (0.60, 0.58, 0.55),
+    ],
     np.float32,
 )
 """Linear albedo of plaster, brick and concrete fronts."""

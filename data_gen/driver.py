@@ -33,7 +33,7 @@ class Streets(RegulatedRoad):
         return self._joined[index]
 
     def neighbour_vehicles(self, vehicle, lane_index=None):
-        """The nearest object ahead of and behind ``vehicle`` on a lane and the lanes joined to it."""
+        """The nearest vehicle ahead of and behind ``vehicle`` on a lane and the lanes joined to it."""
         index = lane_index or vehicle.lane_index
         joined = self.joined(index)
         own = (
@@ -43,7 +43,7 @@ class Streets(RegulatedRoad):
         )
         ahead = behind = None
         nearest_ahead, nearest_behind = math.inf, -math.inf
-        for other in self.vehicles + self.objects:
+        for other in self.vehicles:
             offset = joined.get(other.lane_index)
             if offset is None or other is vehicle:
                 continue
@@ -104,12 +104,15 @@ class Driver(IDMVehicle):
     LENGTH = 5.0
     WIDTH = 2.0
 
+    road: Streets
+    position: np.ndarray
+
     def __init__(
         self, road: Streets, index: LaneIndex, s: float, speed: float, *, target_speed: float, route, change: bool
     ):
         # The base classes would search every lane for the one we know.
         lane = road.network.get_lane(index)
-        self.road, self.s, self.slip = None, s, 0.0
+        self.s, self.slip = s, 0.0
         super().__init__(None, lane.position(s, 0.0), lane.heading_at(s), speed, index, target_speed, route, change)
         self.road, self.lane, self.lane_index = road, lane, index
         self._forecast: tuple[int, tuple] = (-1, ())

@@ -1,10 +1,11 @@
 """Compilation of the loops that numpy has no words for."""
 
 from collections.abc import Callable
+from functools import partial
 
 from numba import njit
 
-_OPTIONS = {"fastmath": {"contract", "reassoc", "nsz", "arcp", "afn"}, "error_model": "numpy"}
+_compile = partial(njit, fastmath={"contract", "reassoc", "nsz", "arcp", "afn"}, error_model="numpy")
 """Fast arithmetic that still knows infinity and NaN."""
 
 
@@ -15,6 +16,6 @@ def jit(function: Callable) -> Callable:
     file, delete that folder's ``__pycache__``.
     """
     try:
-        return njit(cache=True, **_OPTIONS)(function)
+        return _compile(cache=True)(function)
     except RuntimeError:  # no folder for the cache
-        return njit(**_OPTIONS)(function)
+        return _compile()(function)

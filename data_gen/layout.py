@@ -33,6 +33,7 @@ MARGIN = 100.0
 SIGHT = 95.0
 """Vehicles that never come nearer to the ego than this many metres are left out."""
 ATTEMPTS = 60
+_LINES: tuple[LineKind, ...] = ("none", "striped", "continuous", "continuous")  # by highway-env's LineType
 
 _START = {
     "highway": "0",
@@ -238,10 +239,10 @@ def _polylines(lane: AbstractLane, low: Array, extent: Array, spacing: float = 1
     ] - low
     inside = ((centre > -4) & (centre < extent + 4)).all(axis=1)
     runs = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(int))).reshape(-1, 2)
-    lines = [("none", "striped", "continuous", "continuous")[kind] for kind in lane.line_types]
+    left, right = (_LINES[kind] for kind in lane.line_types)
     limit = float(lane.speed_limit / 1.2)
     return [
-        Lane(centre[a:b], np.full(b - a, float(lane.width_at(0.0))), lines[0], lines[1], limit, bool(lane.forbidden))
+        Lane(centre[a:b], np.full(b - a, float(lane.width_at(0.0))), left, right, limit, bool(lane.forbidden))
         for a, b in runs
         if b - a > 1
     ]

@@ -66,13 +66,15 @@ class Camera(Mount):
 @dataclass(frozen=True, kw_only=True)
 class Lidar(Mount):
     """A spinning LiDAR with the HDL-32E's beams. ``columns`` firings a turn; ``sector_deg`` the azimuths kept, counter-
-    clockwise from the boresight, [-180, 180] for all; ``max_range`` at which a 90 % target disappears.
+    clockwise from the boresight, [-180, 180] for all; ``cut_deg`` the azimuth at which a turn begins and ends, so what lies
+    just past it counter-clockwise is the freshest (nuScenes: 105); ``max_range`` at which a 90 % target disappears.
 
     Data are written in nuScenes' LIDAR_TOP frame: x right, y forward, z up.
     """
 
     columns: int
     sector_deg: list[float] = field(default_factory=lambda: [-180.0, 180.0])
+    cut_deg: float = 105.0
     max_range: float = 100.0
 
     @property

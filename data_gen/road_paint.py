@@ -99,6 +99,7 @@ def crossings(layout: Layout) -> list[Crossing]:
         return []
     starts = np.array([lane.centre[0] for lane in layout.lanes])
     stops = np.array([lane.centre[-1] for lane in layout.lanes])
+    points = np.concatenate([lane.centre for lane in layout.lanes])
     found: list[Crossing] = []
     for lane in layout.lanes:
         chord = lane.centre[-1] - lane.centre[0]
@@ -111,12 +112,8 @@ def crossings(layout: Layout) -> list[Crossing]:
         ahead = chord / length
         left = np.array([-ahead[1], ahead[0]])
         # The arm's other lanes lie beside this end; together they give the road's middle and width.
-        beside = [lane.centre[-1]]
-        for other in layout.lanes:
-            near = other.centre[np.abs((other.centre - lane.centre[-1]) @ ahead) < 1.5]
-            near = near[np.abs((near - lane.centre[-1]) @ left) < 12.0]
-            beside.extend(near[:1])
-        across = (np.array(beside) - lane.centre[-1]) @ left
+        beside = (np.abs((points - lane.centre[-1]) @ ahead) < 1.5) & (np.abs((points - lane.centre[-1]) @ left) < 12.0)
+        across = (points[beside] - lane.centre[-1]) @ left
         width = across.max() - across.min() + lane.width[-1]
         middle = lane.centre[-1] + left * (across.max() + across.min()) / 2 - ahead * 3.0
         if all(np.linalg.norm(middle - other.middle) > 4.0 for other in found):
@@ -153,9 +150,11 @@ def _paint_wear(brush: _Brush, lanes: Sequence[Lane], rng: np.random.Generator) 
     left = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
     at = at + left * rng.uniform(-1.2, 1.2, (len(at), 1))
     half_l, half_w = rng.uniform(0.5, 4.0, (2, len(at), 1)) * [[[1.0]], [[0.25]]]
-    corners = np.stack([at + a * half_l * ahead + b * half_w * left for a, b in ((1, 1), (1, -1), (-1, -1), (-1, 1))], axis=1)
+    corners = np.stack(
+        [at + a * half_l * ahead + b * half_w * left for a, b in ((1, 1), (1, -1), (-1, -1), (-1, 1))], axis=1
+    )
     brush.fill("patch", corners[::2])
-    walk = np.cumsum(rng.normal(0, [0.9, 0.25], (len(at), 6, 2)) + [1.0, 0.0], axis=1)
+    walk = np.cumsum(rng.normal([1.0, 0.0], [0.9, 0.25], (len(at), 6, 2)), axis=1)
     cracks = at[:, None] + walk[..., :1] * ahead[:, None] + walk[..., 1:] * left[:, None]
     brush.stroke("tar", list(cracks[1::2]), brush.resolution)
 
@@ -219,5 +218,7 @@ def _paint_zebra(brush: _Brush, zebra: Crossing, length: float = 3.0, bar: float
     frame = np.array([[-0.5, 0.0], [0.5, 0.0], [0.5, 1.0], [-0.5, 1.0]])
     bars = zebra.middle + frame[:, :1] * length * ahead + (across[:, None, None] + frame[:, 1:] * bar) * left
     brush.fill("white_paint", bars)
-    stop = zebra.middle + (frame[:, :1] * 0.4 - length / 2 - 1.2) * ahead - frame[:, 1:] * (zebra.width / 2 - 0.2) * left
+    stop = (
+        zebra.middle + (frame[:, :1] * 0.4 - length / 2 - 1.2) * ahead - frame[:, 1:] * (zebra.width / 2 - 0.2) * left
+    )
     brush.fill("white_paint", stop[None])

@@ -26,6 +26,11 @@ class Verge:
     points: Array
     outward: Array
 
+    @property
+    def is_island(self) -> bool:
+        """Whether it runs around something, such as the middle of a roundabout."""
+        return bool(np.linalg.norm(self.points[0] - self.points[-1]) < 2 * SPACING)
+
     def places(self, spacing: float, rng: np.random.Generator) -> tuple[Array, Array]:
         """Points (K, 2) and outward normals (K, 2) each ``spacing`` metres, from a random start."""
         step = max(1, round(spacing / SPACING))

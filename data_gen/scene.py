@@ -5,6 +5,7 @@ that ray's time and keeps the nearest hit, so nothing is rebuilt between frames 
 It also yields, at no cost, which bodies a ray would have met had nothing stood in the way: the visibility of a label.
 """
 
+import weakref
 from dataclasses import dataclass
 
 import numpy as np
@@ -59,6 +60,17 @@ class _Tree:
         self.radius = float(np.linalg.norm(mesh.vertices - self.center, axis=1).max())
 
 
+_TREES: dict[int, _Tree] = {}
+
+
+def _tree_of(asset: Asset) -> _Tree:
+    """The tree of an asset, kept as long as the asset lives: scenes share their assets."""
+    if id(asset) not in _TREES:
+        _TREES[id(asset)] = _Tree(asset.mesh)
+        weakref.finalize(asset, _TREES.pop, id(asset), None)
+    return _TREES[id(asset)]
+
+
 class Scene:
     """Static world, actors, ground map, ego path and physical condition of one episode.
 
@@ -67,14 +79,22 @@ class Scene:
     """
 
     def __init__(
-        self, *, name: str, ego: Track, actors: list[Actor], world: Mesh, ground_faces: int, ground: GroundMap,
-        world_scatterers: Scatterers, condition: Condition,
+        self,
+        *,
+        name: str,
+        ego: Track,
+        actors: list[Actor],
+        world: Mesh,
+        ground_faces: int,
+        ground: GroundMap,
+        world_scatterers: Scatterers,
+        condition: Condition,
     ) -> None:
         self.name, self.ego, self.actors, self.condition = name, ego, actors, condition
         self.ground, self.ground_faces, self.world_scatterers = ground, ground_faces, world_scatterers
         self._world = _Tree(world)
         trees = {id(actor.asset): actor.asset for actor in actors}
-        self._trees = {key: _Tree(asset.mesh) for key, asset in trees.items()}
+        self._trees = {key: _tree_of(asset) for key, asset in trees.items()}
         spheres = [self._trees[id(actor.asset)] for actor in actors]
         self._sphere_center = np.array([tree.center for tree in spheres]).reshape(-1, 3)
         self._sphere_radius = np.array([tree.radius for tree in spheres])
@@ -91,9 +111,7 @@ class Scene:
         position, yaw, _ = self._tracks.at(t, np.arange(len(self.actors) + 1))
         return position[body] + _rotate(np.asarray(local), np.cos(yaw)[body], np.sin(yaw)[body])
 
-    def cast(
-        self, origins: ArrayLike, directions: ArrayLike, times: ArrayLike, max_range: float = 250.0
-    ) -> Hits:
+    def cast(self, origins: ArrayLike, directions: ArrayLike, times: ArrayLike, max_range: float = 250.0) -> Hits:
         """Nearest hits of rays with global ``origins`` (N, 3) or (3,), unit ``directions`` (N, 3), ``times`` (N,) or a
         scalar in seconds."""
         directions = np.ascontiguousarray(directions, np.float32)
@@ -111,8 +129,22 @@ class Scene:
             found = self._trees[id(actor.asset)].embree.run(moved_o, moved_d, query="INTERSECT", output=True)
             start = self._face_start[id(actor.asset)]
             aimed[index] = _keep_nearer(
-                rays, found["primID"], found["tfar"], found["Ng"], moved_o, moved_d, cos, sin, index, start, max_range,
-                distance, body, face, normal, local,
+                rays,
+                found["primID"],
+                found["tfar"],
+                found["Ng"],
+                moved_o,
+                moved_d,
+                cos,
+                sin,
+                index,
+                start,
+                max_range,
+                distance,
+                body,
+                face,
+                normal,
+                local,
             )
         _finish(origins, directions, distance, body, normal, local)
         reached = np.bincount(body[body >= 0], minlength=len(self.actors))
@@ -152,9 +184,7 @@ class Scene:
         position, cos, sin = (a.astype(np.float32) for a in (position, np.cos(yaw), np.sin(yaw)))
         if not times.ndim:
             position, cos, sin = position[which], cos[which], sin[which]
-        kept, moved_o, moved_d = _into_bodies(
-            origins, directions, rays, which, position, cos, sin, self._bounds
-        )
+        kept, moved_o, moved_d = _into_bodies(origins, directions, rays, which, position, cos, sin, self._bounds)
         which, rays, cos, sin = which[kept], rays[kept], cos[kept], sin[kept]
         starts, ends = np.searchsorted(which, actors, side="left"), np.searchsorted(which, actors, side="right")
         for index, start, end in zip(actors.tolist(), starts, ends, strict=True):

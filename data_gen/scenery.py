@@ -12,6 +12,7 @@ from data_gen.buildings import build_houses
 from data_gen.ground import GroundMap
 from data_gen.layout import Layout
 from data_gen.mesh import Mesh, Scatterers, Surface
+from data_gen.props import Props
 from data_gen.random import stream
 from data_gen.road_paint import KERB, URBAN, VERGE, Crossing, crossings, paint_ground
 from data_gen.roadside import Verge, carriageway, kerb_mesh, trace_verges
@@ -79,7 +80,7 @@ def build_world(layout: Layout, *, seed: int) -> World:
     rng = stream(seed, "scenery", layout.name)
     ground = paint_ground(layout, rng=stream(seed, "ground", layout.name))
     verges = trace_verges(ground)
-    site, props = _Site(layout, ground, verges), _Props()
+    site, props = _Site(layout, ground, verges), Props()
     urban = layout.name in URBAN
     meshes, scatterers = [_ground_plane(layout.extent)], []
     ground_faces = len(meshes[0].faces)
@@ -97,9 +98,9 @@ def build_world(layout: Layout, *, seed: int) -> World:
     for planting in _URBAN if urban else _RURAL:
         share = planting.share * (lush if planting.kind in ("tree", "bush") else 1.0)
         _plant(planting, share, verges, site, props, rng)
-    stands, echoes = props.build(rng)
+    stands, reflections = props.build(rng)
     mesh = Mesh.concatenate([*meshes, *stands])
-    return World(mesh, ground_faces, ground, Scatterers.concatenate([*scatterers, *echoes]))
+    return World(mesh, ground_faces, ground, Scatterers.concatenate([*scatterers, *reflections]))
 
 
 class _Site:
@@ -126,57 +127,19 @@ class _Site:
         inside &= self._walk.query(at)[0] > 0.62
         return np.where(inside, self.room[row * inside, column * inside], 0.0)
 
-    def take(self, corners: Array, room: float) -> bool:
-        """Build on the plot with corners (P, 2) if its whole outline has ``room``; False if it does not."""
-        share = np.linspace(0, 1, 6)[:, None, None]
-        if not (self.room_at((corners + share * (np.roll(corners, -1, axis=0) - corners)).reshape(-1, 2)) >= room).all():
-            return False
+    def fits(self, corners: Array, room: float) -> NDArray[np.bool_]:
+        """Whether plots with corners (K, P, 2) have ``room`` all along their outline."""
+        share = np.linspace(0, 1, 6)[:, None, None, None]
+        outline = corners + share * (np.roll(corners, -1, axis=1) - corners)
+        return self.room_at(outline.reshape(-1, 2)).reshape(6, len(corners), corners.shape[1]).min(axis=(0, 2)) >= room
+
+    def take(self, corners: Array) -> None:
+        """Build on the plot with corners (P, 2)."""
         cv2.fillConvexPoly(self.room, np.rint(corners / self.cell).astype(np.int32), 0.0)
-        return True
 
     def travel(self, at: Array) -> Array:
         """Heading (K,) of the traffic on the lane nearest to each place."""
         return self._yaw[self._lanes.query(at)[1]]
-
-
-class _Props:
-    """Places of assets, gathered by asset and turned into one mesh each."""
-
-    def __init__(self) -> None:
-        self.places: dict[tuple[str, int, int], list[Array]] = {}
-
-    def add(self, kind: str, variant: int, paint: int, at: Array, yaw: Array) -> None:
-        """One asset at places (K, 2) with yaw (K,)."""
-        self.places.setdefault((kind, variant, paint), []).extend(np.column_stack([at, yaw]))
-
-    def build(self, rng: np.random.Generator) -> tuple[list[Mesh], list[Scatterers]]:
-        """Meshes and scatterers in the global frame; each reflection is 2 dB (1 sigma) off its asset's."""
-        meshes, echoes = [], []
-        for key, places in sorted(self.places.items()):
-            asset = build_asset(*key)
-            x, y, yaw = np.array(places).T
-            vertices = _placed(asset.mesh.vertices, x, y, yaw)
-            count, corners = len(x), len(asset.mesh.vertices)
-            faces = asset.mesh.faces[None] + corners * np.arange(count)[:, None, None]
-            surface = Surface(*(np.tile(v, (count,) + (1,) * (v.ndim - 1)) for v in vars(asset.mesh.surface).values()))
-            meshes.append(Mesh(vertices, faces.reshape(-1, 3).astype(np.int32), surface))
-            points = asset.scatterers
-            rcs = np.tile(points.rcs, count) + rng.normal(0.0, 2.0, count * len(points.rcs))
-            still = np.zeros(count)
-            echoes.append(
-                Scatterers(_placed(points.position, x, y, yaw), _placed(points.normal, still, still, yaw), rcs.astype(np.float32))
-            )
-        return meshes, echoes
-
-
-def _placed(points: NDArray, x: Array, y: Array, yaw: Array) -> NDArray[np.float32]:
-    """Local points (V, 3) at each of K places: (K * V, 3)."""
-    cos, sin = np.cos(yaw)[:, None], np.sin(yaw)[:, None]
-    out = np.empty((len(yaw), len(points), 3), np.float32)
-    out[..., 0] = cos * points[:, 0] - sin * points[:, 1] + x[:, None]
-    out[..., 1] = sin * points[:, 0] + cos * points[:, 1] + y[:, None]
-    out[..., 2] = points[:, 2]
-    return out.reshape(-1, 3)
 
 
 def _ground_plane(extent: tuple[float, float]) -> Mesh:
@@ -186,11 +149,11 @@ def _ground_plane(extent: tuple[float, float]) -> Mesh:
 
 
 def _plant(
-    planting: Planting, share: float, verges: list[Verge], site: _Site, props: _Props, rng: np.random.Generator
+    planting: Planting, share: float, verges: list[Verge], site: _Site, props: Props, rng: np.random.Generator
 ) -> None:
     kind = planting.kind
     rows = [verge.places(planting.spacing, rng) for verge in verges]
-    at, outward = (np.concatenate(part) for part in zip(*rows, strict=True)) if rows else (np.zeros((0, 2)), np.zeros((0, 2)))
+    at, outward = (np.concatenate(part) for part in zip(*rows, strict=True)) if rows else (np.zeros((0, 2)),) * 2
     at = at + rng.uniform(*planting.setback, (len(at), 1)) * outward + rng.normal(0.0, 1.0, at.shape) * planting.jitter
     kept = np.flatnonzero((rng.random(len(at)) < share) & (site.room_at(at) >= planting.room))
     kept = kept[np.argsort(cKDTree(site.path).query(at[kept])[0], kind="stable")]
@@ -216,23 +179,28 @@ def _plant(
 
 def _houses(verges: list[Verge], site: _Site, rng: np.random.Generator) -> tuple[Mesh, Scatterers]:
     """Rows of houses behind the pavements, where the plot is free; taller in some towns than in others."""
-    front, facing, size = [], [], []
     tall, density = rng.uniform(4.0, 16.0), rng.uniform(0.4, 0.95)
-    for verge in verges:
-        for place, outward in zip(*verge.places(9.0, rng), strict=True):
-            width, depth, height = rng.uniform((8.0, 8.0, 0.7 * tall), (19.0, 13.0, 1.4 * tall + 2.0))
-            setback, wanted = VERGE + rng.choice([1.2, 3.5, 8.0]), rng.random() < density
-            middle, along = place + setback * outward, np.array([-outward[1], outward[0]])
-            plot = np.array([(0, -0.5), (0, 0.5), (1, 0.5), (1, -0.5)]) * [depth, width]
-            if wanted and site.take(middle + plot[:, :1] * outward + plot[:, 1:] * along, VERGE + 0.6):
-                front.append(middle)
-                facing.append(np.arctan2(-outward[1], -outward[0]))
-                size.append((width, depth, height))
-    shape = np.array(size).reshape(-1, 3)
-    return build_houses(np.array(front).reshape(-1, 2), np.array(facing), shape, rng=rng)
+    rows = [verge.places(9.0, rng) for verge in verges if not verge.is_island]
+    at, outward = (np.concatenate(part) for part in zip(*rows, strict=True)) if rows else (np.zeros((0, 2)),) * 2
+    count = len(at)
+    size = rng.uniform((8.0, 8.0, 0.7 * tall), (19.0, 13.0, 1.4 * tall + 2.0), (count, 3))  # width, depth, height
+    front = at + (VERGE + rng.choice([1.2, 3.5, 8.0], (count, 1))) * outward
+    along = np.stack([-outward[:, 1], outward[:, 0]], axis=1)
+    depth, width = (
+        size[:, 1, None, None] * [[0], [0], [1], [1]],
+        size[:, 0, None, None] * [[-0.5], [0.5], [0.5], [-0.5]],
+    )
+    plots = front[:, None] + depth * outward[:, None] + width * along[:, None]
+    built = []
+    for i in np.flatnonzero(site.fits(plots, VERGE + 0.6) & (rng.random(count) < density)).tolist():
+        if site.fits(plots[i : i + 1], VERGE + 0.6)[0]:  # not where a neighbour has been built meanwhile
+            site.take(plots[i])
+            built.append(i)
+    facing = np.arctan2(-outward[built, 1], -outward[built, 0])
+    return build_houses(front[built], facing, size[built], rng=rng)
 
 
-def _signals(arms: list[Crossing], props: _Props, rng: np.random.Generator) -> None:
+def _signals(arms: list[Crossing], props: Props, rng: np.random.Generator) -> None:
     """A traffic light on the right of each arm, on an arm over the road or a post; one street has green."""
     green, style = rng.random() < 0.5, rng.choice(["arm", "post"])
     names = VARIANT_NAMES["traffic_light"]
@@ -245,7 +213,7 @@ def _signals(arms: list[Crossing], props: _Props, rng: np.random.Generator) -> N
         props.add("traffic_light", variant, 0, at[None], np.array([crossing.yaw]))
 
 
-def _gantry(layout: Layout, site: _Site, props: _Props, rng: np.random.Generator) -> None:
+def _gantry(layout: Layout, site: _Site, props: Props, rng: np.random.Generator) -> None:
     """Often a gantry ahead: a bridge where the road is narrow enough, else a cantilever from the right."""
     if rng.random() < 0.3:
         return
@@ -255,7 +223,10 @@ def _gantry(layout: Layout, site: _Site, props: _Props, rng: np.random.Generator
     offset = np.arange(-25.0, 25.0, 0.25)
     middle = position[:2] + rng.uniform(15.0, 70.0) * ahead
     free = site.room_at(middle + offset[:, None] * left) > 0.3
-    right_edge, left_edge = offset[free & (offset < 0)].max(initial=-25.0), offset[free & (offset > 0)].min(initial=25.0)
+    right_edge, left_edge = (
+        offset[free & (offset < 0)].max(initial=-25.0),
+        offset[free & (offset > 0)].min(initial=25.0),
+    )
     bridge = left_edge - right_edge < build_asset("gantry", 0).size[1] - 0.3
     variant = VARIANT_NAMES["gantry"].index("bridge" if bridge else "cantilever")
     across = (left_edge + right_edge) / 2 if bridge else right_edge - 0.8 + build_asset("gantry", variant).size[1] / 2

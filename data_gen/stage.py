@@ -67,7 +67,8 @@ class Stage:
     """The actors placed so far and the ground that they take during the episode. ``rng`` draws everything."""
 
     def __init__(self, layout: Layout, rng: np.random.Generator) -> None:
-        self.layout, self.rng, self.actors = layout, rng, []
+        self.layout, self.rng = layout, rng
+        self.actors: list[Actor] = []
         self.duration = float(layout.ego.times[-1])
         self.times = np.linspace(0.0, self.duration, max(2, int(np.ceil(self.duration / _TICK)) + 1))
         position, self._ego_yaw, velocity = layout.ego.at(self.times)

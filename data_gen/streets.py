@@ -3,6 +3,7 @@
 import math
 import os
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from highway_env.envs import (
     two_way_env,
     u_turn_env,
 )
+from highway_env.envs.common.abstract import AbstractEnv
 from highway_env.road.lane import LineType, StraightLane
 from highway_env.road.road import RoadNetwork
 
@@ -76,9 +78,9 @@ def _goes_on(end: np.ndarray, others: np.ndarray) -> bool:
     return bool((near & (np.cos(others[:, 2] - end[2]) > 0.7)).any())
 
 
-def _network(environment: type, rng: Rng, make: str = "_make_road", **overrides) -> RoadNetwork:
+def _network(environment: type[AbstractEnv], rng: Rng, make: str = "_make_road", **overrides: Any) -> RoadNetwork:
     """The network that an environment makes. It is not constructed: that would reset it twice, unseeded the first time."""
-    env = environment.__new__(environment)
+    env: Any = object.__new__(environment)
     env.config = {**environment.default_config(), **overrides}
     env._np_random = rng
     getattr(env, make)()
@@ -120,7 +122,7 @@ def _two_way(rng: Rng) -> RoadNetwork:
 
 def _racetrack(rng: Rng) -> RoadNetwork:
     """One of the three tracks. The oval's size is drawn here: left to itself it is drawn from an unseeded generator."""
-    size = {"length": int(rng.integers(80, 160)), "no_lanes": int(rng.integers(2, 4))}
+    size: dict[str, Any] = {"length": int(rng.integers(80, 160)), "no_lanes": int(rng.integers(2, 4))}
     track = (racetrack_env.RacetrackEnv, racetrack_env.RacetrackEnvLarge, racetrack_env.RacetrackEnvOval)[
         rng.integers(3)
     ]

@@ -9,7 +9,7 @@ from data_gen.layout import Layout
 from data_gen.mesh import Asset
 from data_gen.random import stream
 from data_gen.scene import Actor
-from data_gen.stage import Stage
+from data_gen.stage import Array, Stage
 from data_gen.track import Track
 from data_gen.work_zone import work_zone
 from fusion_net.geometry import wrap_angle
@@ -76,8 +76,9 @@ def _drive(stage: Stage, tracks: list[Track]) -> None:
                 break
 
 
-def _fits(stage: Stage, waiting: Occupancy, asset: Asset, path: tuple, margin: float) -> bool:
-    return stage.is_free(asset.size, path, margin) and waiting.free(*path, asset.size[:2], margin)
+def _fits(stage: Stage, waiting: Occupancy, asset: Asset, path: tuple[Array, Array], margin: float) -> bool:
+    center, yaw = path
+    return stage.is_free(asset.size, path, margin) and waiting.free(center, yaw, asset.size[:2], margin)
 
 
 def _state(speed: float, kind: str) -> str:

@@ -40,7 +40,7 @@ def render_camera(
 
     ``rng`` feeds the sensor's noise alone: the same generator state gives the same bytes.
     """
-    linear, hits, view = render_luminance(scene, camera, ego_T_sensor=ego_T_sensor, t=t)
+    linear, hits = render_luminance(scene, camera, ego_T_sensor=ego_T_sensor, t=t)
     shape = camera.height, camera.width
     depth = hits.distance.reshape(shape) * _cosine(camera)
     return CameraFrame(develop(linear, rng), hits.body.reshape(shape), depth, hits.aimed, hits.reached)
@@ -48,23 +48,26 @@ def render_camera(
 
 def render_luminance(
     scene: Scene, camera: Camera, *, ego_T_sensor: NDArray | None = None, t: float
-) -> tuple[NDArray[np.float32], Hits, View]:
-    """The light (H, W, 3) in cd/m^2 that falls on the sensor, the hits of the pixels' centres (row by row) and the view."""
+) -> tuple[NDArray[np.float32], Hits]:
+    """The light (H, W, 3) in cd/m^2 that falls on the sensor, and the hits of the pixels' centres, row by row."""
     view = View(camera.cam_K, scene.ego.pose(t) @ (camera.ego_T_sensor if ego_T_sensor is None else ego_T_sensor))
     shape = camera.height, camera.width
     renderer = Renderer(scene, view, t)
-    centers = np.stack(np.indices(shape)[::-1], axis=-1).reshape(-1, 2) + 0.5
+    rows, columns = np.indices(shape)
+    centers = np.stack([columns.ravel(), rows.ravel()], axis=1) + 0.5
     rays = view.rays(centers)
     hits, lit = renderer.cast(rays)
     open_sky = _open_sky(renderer.cover(rays, hits).reshape(shape)).ravel()
     linear = renderer.luminance(rays, hits, lit, open_sky, 1.0)
-    chosen = _most(_edges(hits.body.reshape(shape), hits.distance, hits.normal, rays, lit, linear), _EDGE_SHARE)
+    tint = scene.surface.albedo[:, 1][hits.face]
+    score = _edges(hits.body.reshape(shape), hits.distance, hits.normal, rays, lit, tint, linear)
+    chosen = _most(score, _EDGE_SHARE)
     rays_e = view.rays((centers[chosen, None] + _SUBPIXEL).reshape(-1, 2))
     hits_e, lit_e = renderer.cast(rays_e)
     sky_e = np.repeat(open_sky[chosen], len(_SUBPIXEL))
     extra = renderer.luminance(rays_e, hits_e, lit_e, sky_e, 0.5).reshape(len(chosen), len(_SUBPIXEL), 3)
     linear[chosen] = (linear[chosen] + extra.sum(axis=1)) / (1 + len(_SUBPIXEL))
-    return linear.reshape(*shape, 3), hits, view
+    return linear.reshape(*shape, 3), hits
 
 
 def _cosine(camera: Camera) -> NDArray[np.float32]:
@@ -82,7 +85,7 @@ def _open_sky(covered: NDArray[np.float32]) -> NDArray[np.float32]:
     size = (7, 5)
     total = cv2.boxFilter(ground, -1, size, borderType=cv2.BORDER_REPLICATE)
     blocked = cv2.boxFilter(np.nan_to_num(covered), -1, size, borderType=cv2.BORDER_REPLICATE)
-    return 1 - 0.9 * blocked / np.maximum(total, 1e-3)
+    return (1 - 0.9 * blocked / np.maximum(total, 1e-3)).astype(np.float32)
 
 
 def _most(score: NDArray[np.float32], share: float) -> NDArray[np.int64]:
@@ -95,9 +98,9 @@ def _most(score: NDArray[np.float32], share: float) -> NDArray[np.int64]:
 
 
 @jit
-def _edges(body, distance, normal, rays, lit, linear):
+def _edges(body, distance, normal, rays, lit, tint, linear):
     """How much each pixel (N,) of body (H, W) would gain from a closer look: its contrast to a neighbour where the body
-    changes, the surface turns, a shadow ends or the point leaves the neighbour's plane by more than 2 % of the distance;
+    or its colour changes, the surface turns, a shadow ends or the point leaves the neighbour's plane by more than 2 % of the distance;
     0 elsewhere. Both sides of an edge score."""
     height, width = body.shape
     score = np.zeros(height * width, np.float32)
@@ -113,6 +116,7 @@ def _edges(body, distance, normal, rays, lit, linear):
                 if contrast < 0.05:
                     continue
                 differs = body[i, j] != body[i + di, j + dj] or lit[a] != lit[b]
+                differs = differs or abs(tint[a] - tint[b]) > 0.02
                 if not differs and body[i, j] >= -1:
                     alike, gap = 0.0, 0.0
                     for c in range(3):

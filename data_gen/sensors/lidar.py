@@ -25,9 +25,6 @@ RING = np.argsort(np.argsort(ELEVATION_DEG)).astype(np.uint8)
 FIRING = 1.152e-6
 """Seconds from one laser of a column to the next (HDL-32E manual, appendix E)."""
 
-START_DEG = 105.0
-"""Azimuth where a turn begins and ends, counter-clockwise from the boresight, as measured on nuScenes' key frames."""
-
 RANGE_STEP = 0.002
 """Metres of one count of the range word."""
 
@@ -105,14 +102,14 @@ def firing_pattern(lidar: Lidar) -> tuple[NDArray[np.float64], NDArray[np.int64]
     Returns unit directions (N, 3) in the sensor frame, beam indices (N,) in firing order and times (N,) in seconds
     relative to the turn's end. The head turns clockwise seen from above: az(t) = az0 - 2 pi f t, also within a column.
     """
-    return _firing_pattern(lidar.columns, lidar.rate, *lidar.sector_deg)
+    return _firing_pattern(lidar.columns, lidar.rate, lidar.cut_deg, *lidar.sector_deg)
 
 
 @lru_cache(maxsize=4)
-def _firing_pattern(columns: int, rate: float, low: float, high: float):
+def _firing_pattern(columns: int, rate: float, cut: float, low: float, high: float):
     turn = 1 / rate
     dt = (np.arange(columns) * turn / columns)[:, None] + np.arange(len(ELEVATION_DEG)) * FIRING - turn
-    azimuth_deg = START_DEG - 360 * rate * (dt + turn)
+    azimuth_deg = cut - 360 * rate * (dt + turn)
     column, beam = np.nonzero((azimuth_deg - low) % 360 <= high - low)
     azimuth, elevation = np.radians(azimuth_deg[column, beam]), np.radians(ELEVATION_DEG[beam])
     level = np.cos(elevation)

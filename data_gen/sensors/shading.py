@@ -12,8 +12,8 @@ LAMP_COLOR = (1.06, 1.0, 0.86)
 
 @jit
 def _lamps(p, n, lamps, reach):
-    """Illuminance in lux at ``p`` on a face with normal ``n`` from lamps (L, 7): position, yaw, candela, and the drop of the
-    cut-off line. Low beam: +-20 degrees across, -1 to -15 degrees down, E = I cos / d^2."""
+    """Illuminance in lux at ``p`` on a face with normal ``n`` from lamps (L, 6): position, direction (cos, sin of yaw),
+    candela. Low beam: +-20 degrees across, -1 to -15 degrees down, E = I cos / d^2."""
     total = 0.0
     for j in range(len(lamps)):
         dx, dy, dz = p[0] - lamps[j, 0], p[1] - lamps[j, 1], p[2] - lamps[j, 2]

@@ -58,7 +58,7 @@ def light_of(condition: Condition, name: str) -> Light:
     warm = float(np.exp(-max(sine, 0.0) / 0.18))
     sun = direct * (np.array([1.06, 0.99, 0.88]) * (1 - warm) + np.array([1.35, 0.90, 0.50]) * warm)
     mean = diffuse / np.pi  # of the luminance over the hemisphere, weighted by the cosine
-    blue, grey = np.array([0.52, 0.80, 1.42]), np.array([0.98, 1.0, 1.04])
+    blue, grey = np.array([0.42, 0.78, 1.62]), np.array([0.98, 1.0, 1.04])
     pale = np.array([1.02, 1.05, 1.12]) * (1 - warm) + np.array([1.35, 1.0, 0.75]) * warm
     zenith = mean * (0.86 * blue * clear + 1.03 * grey * (1 - clear))
     horizon = mean * (2.1 * pale * clear + 0.75 * grey * (1 - clear))
@@ -93,7 +93,7 @@ def sky(rays, light, pixel):
     total = light.ambient + light.sun * max(light.sun_direction[2], 0.0)
     far = np.exp(-light.extinction * 1200.0)
     for i in range(len(rays)):
-        x, y, z = rays[i, 0], rays[i, 1], rays[i, 2]
+        x, y, z = np.float64(rays[i, 0]), np.float64(rays[i, 1]), np.float64(rays[i, 2])
         gradient(z, light, color)
         cosine = x * light.sun_direction[0] + y * light.sun_direction[1] + z * light.sun_direction[2]
         angle = np.arccos(min(max(cosine, -1.0), 1.0))

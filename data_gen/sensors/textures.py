@@ -1,7 +1,7 @@
 """What colour a surface is where a ray meets it: materials, ground raster and procedural textures.
 
-Textures are functions of the body's local coordinates, so they stick to a body that moves. Every feature is filtered over the
-pixel's footprint in metres, analytically or by fading out, so that nothing shimmers with distance.
+Textures are functions of the body's local coordinates, so they stick to a body that moves. Every feature is filtered over
+the pixel's footprint in metres, analytically or by fading out, so that nothing shimmers with distance.
 """
 
 import numpy as np
@@ -95,8 +95,8 @@ def texture(kind, x, y, z, u, v, footprint, rgb, out, night):
 
 @jit
 def _ground(p, n, o, step_u, step_v, r, span, footprint, slant, raster, origin, resolution, table, out):
-    """Mean albedo of the ground raster over the part of the plane (p, n) that one pixel sees; returns the pixel's specular
-    share (paint and kerbs have none). The pixel is cut into sub-rays by how much ground it covers."""
+    """Mean albedo of the ground raster over the part of the plane (p, n) that one pixel sees, written to ``out``. The pixel
+    is cut into sub-rays by how much ground it covers."""
     count_v = int(min(max(np.ceil(footprint * slant / 0.3), 2.0), 8.0))
     count_u = int(min(max(np.ceil(footprint / 0.12), 2.0), 4.0))
     gap = n[0] * (p[0] - o[0]) + n[1] * (p[1] - o[1]) + n[2] * (p[2] - o[2])
@@ -122,7 +122,6 @@ def _ground(p, n, o, step_u, step_v, r, span, footprint, slant, raster, origin, 
             used += 1
     for c in range(3):
         out[c] /= max(used, 1)
-    return used
 
 
 @jit
@@ -131,7 +130,7 @@ def paint(view, rays, pixel, span, hit, surface, ground, yaw, night):
 
     ``view`` (4, 3): origin, forward, and the global change of a depth-one ray per pixel to the right and down. ``rays``
     (N, 3) unit. ``pixel`` rad a pixel, ``span`` the part of a pixel that a ray stands for. ``hit``: body, face, distance,
-    local, normal. ``surface``: albedo, texture, specular, emission of all faces. ``ground``: first face that is not ground,
+    local, normal. ``surface``: albedo, texture, specular, emission of all faces. ``ground``: first face that is none,
     raster, origin, resolution, albedo table, texture table. ``yaw`` (A,) of the bodies.
     Returns (N, 5): linear r, g, b, specular share, emission.
     """
@@ -146,9 +145,9 @@ def paint(view, rays, pixel, span, hit, surface, ground, yaw, night):
         f, o, n, p = face[i], out[i], normal[i], local[i]
         facing = abs(rays[i, 0] * n[0] + rays[i, 1] * n[1] + rays[i, 2] * n[2])
         slant = 1 / max(facing, 0.02)
-        footprint = pixel * span * distance[i]
-        x, y, z = p[0], p[1], p[2]
-        nx, ny = n[0], n[1]
+        footprint = pixel * span * np.float64(distance[i])
+        x, y, z = np.float64(p[0]), np.float64(p[1]), np.float64(p[2])  # one type: the noise compiles once
+        nx, ny = np.float64(n[0]), np.float64(n[1])
         kind = kinds[f]
         if body[i] == -1 and f < ground_faces:
             depth = rays[i, 0] * view[1, 0] + rays[i, 1] * view[1, 1] + rays[i, 2] * view[1, 2]

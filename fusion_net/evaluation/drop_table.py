@@ -2,13 +2,14 @@
 
 import sys
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Sequence, Sized
 from dataclasses import dataclass
 from statistics import median
 from typing import Any, Protocol
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 from tqdm import tqdm
 
@@ -68,7 +69,8 @@ def drop_table(
     copies = draw_scenes(truth.scenes, resamples=resamples, rng=np.random.default_rng([seed, 0]))
     tables = [truth.table([boxes[token] for token in truth.tokens]) for boxes in found]
     chance = truth.table(random_guess(truth, rng=np.random.default_rng([seed, 1])))
-    rows, draws = [], []
+    rows: list[dict[str, Any]] = []
+    draws: list[NDArray[np.float64]] = []
     for subset, table, ms in [*zip(SUBSETS, tables, milliseconds, strict=True), ((), chance, 0.0)]:
         matches = truth.matches(table)
         draws.append(bootstrap_map(truth.metric, matches, copies))
@@ -122,7 +124,7 @@ def _now(device: str) -> float:
 
 def _progress(batches: Iterable[Batch]) -> Iterable[Batch]:
     """A bar on a terminal, a line every tenth of the work elsewhere."""
-    total = len(batches) if hasattr(batches, "__len__") else None
+    total = len(batches) if isinstance(batches, Sized) else None
     if sys.stderr.isatty():
         yield from tqdm(batches, total=total, unit="batch", desc="evaluate", ascii=True)
         return

@@ -86,8 +86,9 @@ class CameraEncoder(nn.Module):
         self.trunk = ImageTrunk(widths=list(widths), outputs=features, stride=view.stride)
         count, bins = len(classes), view.bins.count
         self.dense = nn.Sequential(ConvBlock(features + 3, features), nn.Conv2d(features, bins + count + 1, 1))
-        nn.init.constant_(self.dense[1].bias[bins:-1], -2.19)  # classes start at 0.1, as in the head
-        nn.init.constant_(self.dense[1].bias[-1:], 3.0)  # log of 20 m
+        bias = self.dense[1].get_parameter("bias")
+        nn.init.constant_(bias[bins:-1], -2.19)  # classes start at 0.1, as in the head
+        nn.init.constant_(bias[-1:], 3.0)  # log of 20 m
         lifted = view.layers * (features + (count + 1) * evidence) + count * evidence
         self.reduce = ConvBlock(lifted, channels, kernel=1)
         self.refine = ConvBlock(channels, channels)
@@ -125,14 +126,14 @@ class CameraEncoder(nn.Module):
         depth, classes, log_depth = dense.split([self.view.bins.count, self.classes, 1], dim=2)
         return Perception(features, depth, classes, log_depth[:, :, 0])
 
-    def _ray_hints(self, batch: Batch, size) -> Tensor:
+    def _ray_hints(self, batch: Batch, size: torch.Size) -> Tensor:
         """Per cell (B * N, 3, h, w): the ray's bearing and slope in the ego frame, and where it would meet the ground.
 
         This is how the network knows its camera: the same pixel means another depth under another mount. The ground is
         only a hint (log of the depth where a ray meets z = 0); nothing assumes that it is flat.
         """
         with torch.autocast(batch.cam_K.device.type, enabled=False):
-            rays = pixel_rays(batch.cam_K.float(), *size, self.view.stride)
+            rays = pixel_rays(batch.cam_K.float(), size[0], size[1], self.view.stride)
             rays = torch.einsum("bnij,bnhwj->bnhwi", batch.ego_T_cam[..., :3, :3].float(), rays)
             slope = rays[..., 2] / rays[..., :2].norm(dim=-1).clamp(min=1e-3)
             bearing = torch.atan2(rays[..., 1], rays[..., 0])

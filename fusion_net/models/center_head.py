@@ -37,6 +37,9 @@ PRIOR = -2.19  # logit of 0.1: nearly all cells are empty, and the focal loss st
 class CenterHead(nn.Module):
     """(B, inputs, Y, X) to maps: "heatmap" logits (B, K, Y, X) and REGRESSIONS; ``decode`` turns maps into boxes."""
 
+    radius: Tensor  # (K,) metres
+    centers: Tensor  # (2, Y, X) metres
+
     def __init__(
         self,
         *,
@@ -57,7 +60,7 @@ class CenterHead(nn.Module):
         self.grid, self.max_boxes, self.min_score = grid, max_boxes, min_score
         self.heatmap = nn.Sequential(ConvBlock(inputs, hidden), nn.Conv2d(hidden, len(classes), 1))
         self.box = nn.Sequential(ConvBlock(inputs, hidden), nn.Conv2d(hidden, sum(REGRESSIONS.values()), 1))
-        nn.init.constant_(self.heatmap[1].bias, PRIOR)
+        nn.init.constant_(self.heatmap[1].get_parameter("bias"), PRIOR)
         radius = torch.tensor([nms_radius[name] for name in classes])
         self.register_buffer("radius", radius, persistent=False)
         self.register_buffer("centers", grid.centers().float().permute(2, 0, 1), persistent=False)
@@ -105,5 +108,7 @@ def _at(values: Tensor, cell: Tensor) -> Tensor:
 
 
 def _boxes(center, wlh, yaw, velocity, label, score, log_variance) -> Boxes:
-    real = [np.asarray(x, np.float64) for x in (center, wlh, yaw, velocity, score, log_variance)]
-    return Boxes(*real[:4], label.astype(np.int64), *real[4:])
+    center, wlh, yaw, velocity, score, log_variance = (
+        np.asarray(x, np.float64) for x in (center, wlh, yaw, velocity, score, log_variance)
+    )
+    return Boxes(center, wlh, yaw, velocity, label.astype(np.int64), score, log_variance)

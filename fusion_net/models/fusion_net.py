@@ -9,7 +9,9 @@ from torch import Tensor, nn
 from fusion_net.bev_grid import BEVGrid
 from fusion_net.boxes import Boxes
 from fusion_net.losses import DetectionLoss
-from fusion_net.models.camera_encoder import Perception
+from fusion_net.models.camera_encoder import CameraEncoder, Perception
+from fusion_net.models.center_head import CenterHead
+from fusion_net.models.fuser import AverageFuser, ConcatFuser
 from fusion_net.structures import MODALITIES, Batch
 
 
@@ -30,9 +32,9 @@ class FusionNet(nn.Module):
         *,
         grid: BEVGrid,
         encoders: dict[str, nn.Module],
-        fuser: nn.Module,
+        fuser: ConcatFuser | AverageFuser,
         decoder: nn.Module,
-        head: nn.Module,
+        head: CenterHead,
         losses: DetectionLoss,
         modalities: list[str] | None = None,
     ) -> None:
@@ -50,7 +52,7 @@ class FusionNet(nn.Module):
         self.encoders = nn.ModuleDict({name: encoders[name] for name in MODALITIES if name in names})
         self.fuser, self.decoder, self.head, self.losses = fuser, decoder, head, losses
         self.columns = [MODALITIES.index(name) for name in self.encoders]
-        self.to(memory_format=torch.channels_last)
+        self.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
 
     def forward(self, batch: Batch, present: Tensor | None = None) -> Outputs:
         """Maps of a batch. ``present`` (B, M) overrules the batch's: modality dropout, or a row of the drop table."""
@@ -58,7 +60,7 @@ class FusionNet(nn.Module):
         bev, camera = {}, None
         for i, (name, encoder) in enumerate(self.encoders.items()):
             if not self.training and not present[:, i].any():  # the time saved is part of the drop table
-                bev[name] = torch.zeros(batch.size, encoder.channels, *self.grid.shape, device=present.device)
+                bev[name] = torch.zeros(batch.size, self.fuser.channels[name], *self.grid.shape, device=present.device)
             elif name == "camera":
                 bev[name], camera = encoder(batch)
             else:
@@ -72,7 +74,9 @@ class FusionNet(nn.Module):
 
     def camera_loss(self, batch: Batch) -> dict[str, Tensor]:
         """The camera's dense losses alone, at a third of a step's cost: for the minutes before fusion begins."""
-        return self.losses.total(self.losses.camera(self.encoders["camera"].perceive(batch), batch))
+        camera = self.encoders["camera"]
+        assert isinstance(camera, CameraEncoder)
+        return self.losses.total(self.losses.camera(camera.perceive(batch), batch))
 
     def decode(self, outputs: Outputs) -> list[Boxes]:
         """Boxes of each sample in the ego frame, best first."""

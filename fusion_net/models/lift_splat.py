@@ -131,12 +131,15 @@ class _View(nn.Module):
         self.grid, self.bins, self.stride = grid, bins, stride
         self._remembered: tuple = (None, None)
 
-    def geometry(self, cam_K: Tensor, ego_T_cam: Tensor, size: tuple[int, int]):
+    def _geometry(self, cam_K: Tensor, ego_T_cam: Tensor, size: tuple[int, int]) -> tuple:
+        raise NotImplementedError
+
+    def geometry(self, cam_K: Tensor, ego_T_cam: Tensor, size: torch.Size):
         """Which pixels feed which cells for cameras (B, N) with (h, w) feature cells."""
         key = (cam_K.cpu().numpy().tobytes(), ego_T_cam.cpu().numpy().tobytes(), cam_K.shape[:2], size, cam_K.device)
         if self._remembered[0] != key:
             with torch.no_grad(), torch.autocast(cam_K.device.type, enabled=False):
-                self._remembered = (key, self._geometry(cam_K.float(), ego_T_cam.float(), size))
+                self._remembered = (key, self._geometry(cam_K.float(), ego_T_cam.float(), (size[0], size[1])))
         return self._remembered[1]
 
 
@@ -159,7 +162,7 @@ class LiftSplat(_View):
 
     def forward(self, features: Tensor, probability: Tensor, cam_K: Tensor, ego_T_cam: Tensor) -> Tensor:
         """Features (B, N, h, w, C) and depth probabilities (B, N, h, w, D) to (B, C, Y, X)."""
-        index, entry = self.geometry(cam_K, ego_T_cam, tuple(features.shape[2:4]))
+        index, entry = self.geometry(cam_K, ego_T_cam, features.shape[2:4])
         weights = probability.flatten().index_select(0, entry)
         return to_map(splat(features.flatten(0, 3), weights, index), len(features), self.grid)
 
@@ -171,6 +174,8 @@ class PullLift(_View):
     They are weighted bilinearly and by the probability, interpolated between bin centres, that the pixel's depth is the
     cell's. No cell between two rays stays empty, and the near cells do not win by the number of rays that cross them.
     """
+
+    points: Tensor  # (Y * X * heights, 3) ego metres
 
     def __init__(
         self,
@@ -224,7 +229,7 @@ class PullLift(_View):
 
     def forward(self, features: Tensor, probability: Tensor, cam_K: Tensor, ego_T_cam: Tensor) -> Tensor:
         """Features (B, N, h, w, C) and depth probabilities (B, N, h, w, D) to (B, heights * C, Y, X)."""
-        index, bins, share = self.geometry(cam_K, ego_T_cam, tuple(features.shape[2:4]))
+        index, bins, share = self.geometry(cam_K, ego_T_cam, features.shape[2:4])
         weights = (probability.flatten().index_select(0, bins.flatten()).view(-1, 2) * share).sum(-1)
         cells = splat(features.flatten(0, 3), weights, index)
         return to_map(cells.view(-1, self.layers * features.shape[-1]), len(features), self.grid)

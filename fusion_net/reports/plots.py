@@ -25,7 +25,7 @@ def plot_drop_table(path: Path, doc: dict[str, Any]) -> None:
     axes.bar(
         place, height, width=0.66, color=colors, yerr=whiskers, capsize=4, ecolor="#333333", label="mAP, 95 % interval"
     )
-    axes.plot(place, [row["NDS"] for row in rows], "o", color="#333333", markersize=4, label="NDS")
+    axes.plot(place + 0.24, [row["NDS"] for row in rows], "o", color="#333333", markersize=4, label="NDS")
     axes.axhline(doc["random"]["mAP"], color="#b23a48", linestyle="--", linewidth=1, label="mAP of random guesses")
     for x, value, top in zip(place, height, high, strict=True):
         axes.annotate(

@@ -19,7 +19,7 @@ LEGEND = (
     ("labels", LABEL),
     ("predictions, score > {:g}", FOUND),
     ("LiDAR", LIDAR),
-    ("radar, half a second of its velocity", RADAR),
+    ("radar and half a second of its velocity", RADAR),
 )
 WIDTH = 640
 """Pixels that the cameras of a sample are wide."""
@@ -56,7 +56,7 @@ def draw_sample(sample: Sample, found: Boxes, dataset: NuScenesDataset) -> Image
     panel.boxes(ground, sample.boxes, LABEL)
     panel.boxes(ground, found, FOUND)
     tile = np.concatenate([cameras, ground], axis=1)
-    return cv2.copyMakeBorder(tile, 3, 3, 3, 3, cv2.BORDER_CONSTANT, value=(0, 0, 0))
+    return np.pad(tile, ((3, 3), (3, 3), (0, 0)))
 
 
 def _cameras(sample: Sample, boxes: Boxes, color: Color, classes: list[str]) -> Image:
@@ -73,7 +73,7 @@ def _cameras(sample: Sample, boxes: Boxes, color: Color, classes: list[str]) -> 
         _names(image, boxes, color, classes, scale=scale, **mount)
         images.append(image)
     montage = _grid(images, columns)
-    return cv2.copyMakeBorder(montage, 0, 0, 0, WIDTH - montage.shape[1], cv2.BORDER_CONSTANT, value=(0, 0, 0))
+    return np.pad(montage, ((0, 0), (0, WIDTH - montage.shape[1]), (0, 0)))
 
 
 def _names(image: Image, boxes: Boxes, color: Color, classes: list[str], *, cam_K, ego_T_cam, scale: float) -> None:

@@ -42,7 +42,9 @@ def make_scene(*actors: tuple, condition: Condition | None = None, paint: slice 
     corners = np.array([[0, 0, 0], [120, 0, 0], [120, 100, 0], [0, 100, 0]], np.float32)
     ground = Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]], np.int32), Surface.uniform(2, (0.1, 0.1, 0.1), 0.1))
     bodies = [
-        Actor(i, Asset("box", "vehicle.car", size, make_box(size, albedo), NO_SCATTERERS), Track.static((*xy, 0.0), yaw))
+        Actor(
+            i, Asset("box", "vehicle.car", size, make_box(size, albedo), NO_SCATTERERS), Track.static((*xy, 0.0), yaw)
+        )
         for i, (size, albedo, xy, yaw) in enumerate(actors)
     ]
     return Scene(
@@ -67,7 +69,9 @@ def shoot(scene: Scene, seed: int = 1, **kwargs):
 
 @pytest.fixture(scope="module")
 def street() -> Scene:
-    return make_scene(((4.0, 2.0, 1.6), (0.6, 0.05, 0.05), (36.0, 51.0), 0.5), ((1.0, 1.0, 2.0), (0.1, 0.1, 0.5), (30.0, 47.0), 0.2))
+    return make_scene(
+        ((4.0, 2.0, 1.6), (0.6, 0.05, 0.05), (36.0, 51.0), 0.5), ((1.0, 1.0, 2.0), (0.1, 0.1, 0.5), (30.0, 47.0), 0.2)
+    )
 
 
 def test_a_box_covers_exactly_the_hull_of_its_projected_corners(street):
@@ -99,7 +103,10 @@ def test_body_image_and_depth_agree(street):
 
 
 def test_the_nearer_body_hides_the_farther():
-    far, near = ((3.0, 3.0, 3.0), (0.5, 0.5, 0.5), (40.0, 50.0), 0.0), ((2.0, 1.0, 1.2), (0.5, 0.0, 0.0), (32.0, 49.2), 0.0)
+    far, near = (
+        ((3.0, 3.0, 3.0), (0.5, 0.5, 0.5), (40.0, 50.0), 0.0),
+        ((2.0, 1.0, 1.2), (0.5, 0.0, 0.0), (32.0, 49.2), 0.0),
+    )
     scene = make_scene(far, near)
     frame = shoot(scene)
     row, column = pixel_of(scene, (31.0, 49.2, 0.6))
@@ -111,9 +118,10 @@ def test_the_nearer_body_hides_the_farther():
 @pytest.mark.parametrize(("azimuth", "shaded", "sunny"), [(90.0, -1, 1), (-90.0, 1, -1)])
 def test_the_shadow_lies_away_from_the_sun(azimuth, shaded, sunny):
     scene = make_scene(
-        ((6.0, 2.0, 2.0), (0.5, 0.5, 0.5), (33.0, 49.5), 0.0), condition=Condition(sun_azimuth=azimuth, sun_elevation=50.0)
+        ((6.0, 2.0, 2.0), (0.5, 0.5, 0.5), (33.0, 49.5), 0.0),
+        condition=Condition(sun_azimuth=azimuth, sun_elevation=50.0),
     )
-    light, _, _ = render_luminance(scene, CAMERA, t=0.0)
+    light, _ = render_luminance(scene, CAMERA, t=0.0)
     beside = {side: light[pixel_of(scene, (32.0, 49.5 + 1.6 * side, 0.0))][1] for side in (shaded, sunny)}
     assert beside[shaded] < 0.5 * beside[sunny]
 
@@ -125,7 +133,7 @@ def test_haze_takes_contrast_as_koschmieder_says():
     contrast = {}
     for name, condition in (("hazy", hazy), ("clear", clear)):
         scene = make_scene(*bodies, condition=condition)
-        light, hits, _ = render_luminance(scene, CAMERA, t=0.0)
+        light, hits = render_luminance(scene, CAMERA, t=0.0)
         at = [pixel_of(scene, (49.5, y, 1.3)) for y in (49.0, 53.0)]
         contrast[name] = light[at[1]][1] - light[at[0]][1]
         distance = np.mean([hits.distance[row * CAMERA.width + column] for row, column in at])
@@ -141,18 +149,19 @@ def test_the_same_generator_gives_the_same_bytes(street):
 
 def test_night_is_darker_than_day_but_for_lamps(street):
     night = make_scene(
-        ((4.0, 2.0, 1.6), (0.6, 0.05, 0.05), (36.0, 51.0), 0.5), condition=Condition("night", illuminance=5.0, sun_elevation=-30.0)
+        ((4.0, 2.0, 1.6), (0.6, 0.05, 0.05), (36.0, 51.0), 0.5),
+        condition=Condition("night", illuminance=5.0, sun_elevation=-30.0),
     )
     day_image, night_image = shoot(street).image, shoot(night).image
     assert night_image.mean() < 0.6 * day_image.mean()
-    light, _, _ = render_luminance(night, CAMERA, t=0.0)
+    light, _ = render_luminance(night, CAMERA, t=0.0)
     lit, dark = light[pixel_of(night, (34.0, 49.4, 0.0))][1], light[pixel_of(night, (34.0, 57.0, 0.0))][1]
     assert lit > 1.5 * dark  # inside and outside the low beams
 
 
 def test_an_edge_pixel_lies_between_its_two_sides():
     scene = make_scene(((1.0, 4.0, 4.0), (0.8, 0.8, 0.8), (34.0, 51.0), 0.1), condition=Condition(sun_elevation=-5.0))
-    light, _, _ = render_luminance(scene, CAMERA, t=0.0)
+    light, _ = render_luminance(scene, CAMERA, t=0.0)
     body = shoot(scene).body
     row, column = pixel_of(scene, (33.5, 51.0, 1.0))
     right = column + int(np.argmax(body[row, column:] != 0))  # first pixel beyond the right edge
@@ -166,9 +175,7 @@ def test_an_edge_pixel_lies_between_its_two_sides():
 
 def test_paint_far_away_covers_its_share_of_a_pixel():
     """A 0.4 m stripe across the view at 60 m is thinner than a pixel's 9 m of ground: it lightens it, and does not vanish."""
-    plain, painted = (
-        render_luminance(make_scene(paint=rows), CAMERA, t=0.0)[0] for rows in (None, np.s_[:, 800:804])
-    )
+    plain, painted = (render_luminance(make_scene(paint=rows), CAMERA, t=0.0)[0] for rows in (None, np.s_[:, 800:804]))
     scene = make_scene()
     row, column = pixel_of(scene, (80.2, 54.0, 0.0))
     gain = (painted / plain)[row - 2 : row + 3, column, 1]
@@ -206,7 +213,11 @@ def test_noise_grows_with_gain():
 
 
 def test_daylight_adds_up_to_the_illuminance():
-    for condition in (Condition(), Condition("overcast", illuminance=9_000.0), Condition("low", illuminance=20_000.0, sun_elevation=20.0)):
+    for condition in (
+        Condition(),
+        Condition("overcast", illuminance=9_000.0),
+        Condition("low", illuminance=20_000.0, sun_elevation=20.0),
+    ):
         light = light_of(condition, "scene")
         total = (light.ambient + light.sun * light.sun_direction[2])[1]
         assert total == pytest.approx(condition.illuminance, rel=0.15)

@@ -120,13 +120,19 @@ def cross_roads() -> list[Lane]:
         inward = np.stack([np.linspace(-68.0, -8.0, 40), np.full(40, -1.8)], axis=1)
         through = np.stack([np.linspace(-8.0, 8.0, 12), np.full(12, -1.8)], axis=1)
         outward = np.stack([np.linspace(-8.0, -68.0, 40), np.full(40, 1.8)], axis=1)
-        for part, left, right in ((inward, "striped", "continuous"), (through, "striped", "none"), (outward, "none", "continuous")):
+        for part, left, right in (
+            (inward, "striped", "continuous"),
+            (through, "striped", "none"),
+            (outward, "none", "continuous"),
+        ):
             lanes.append(lane(part @ rotate + [75.0, 70.0], left, right))
     return lanes
 
 
 def test_crossings_lie_across_the_four_arms_before_the_junction():
-    found = crossings(layout("intersection", [*cross_roads(), lane([(67, 68.2), (70, 67), (73.2, 62.0)], "none", "none")]))
+    found = crossings(
+        layout("intersection", [*cross_roads(), lane([(67, 68.2), (70, 67), (73.2, 62.0)], "none", "none")])
+    )
     assert len(found) == 4
     for crossing in found:
         assert crossing.width == pytest.approx(7.2, abs=0.1)
@@ -141,7 +147,11 @@ def test_no_paint_across_the_junction():
     ground = paint_ground(recorded, rng=stream(3, "test"))
     arms = crossings(recorded)
     assert len(arms) >= 2
-    at = [arm.middle + reach * np.array([np.cos(arm.yaw), np.sin(arm.yaw)]) for arm in arms for reach in np.arange(5, 12, 0.1)]
+    at = [
+        arm.middle + reach * np.array([np.cos(arm.yaw), np.sin(arm.yaw)])
+        for arm in arms
+        for reach in np.arange(5, 12, 0.1)
+    ]
     assert set(names(ground, at)) <= {"asphalt", "patch", "tar"}
 
 
@@ -154,7 +164,9 @@ def test_same_stream_same_raster():
 
 def test_lookup_outside_is_grass_and_off_centre_origin_counts():
     ground = GroundMap(np.array([[1, 2, 3], [4, 5, 6]], np.uint8), (-2.0, 7.0), 0.5)
-    np.testing.assert_array_equal(ground.at(np.array([[-1.9, 7.1], [-0.6, 7.9], [-2.1, 7.1], [-0.4, 7.1], [-1.9, 8.1]])), [1, 6, 0, 0, 0])
+    np.testing.assert_array_equal(
+        ground.at(np.array([[-1.9, 7.1], [-0.6, 7.9], [-2.1, 7.1], [-0.4, 7.1], [-1.9, 8.1]])), [1, 6, 0, 0, 0]
+    )
 
 
 def test_table_is_physical():

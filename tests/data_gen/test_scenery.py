@@ -18,8 +18,12 @@ from data_gen.track import Track
 def straight_road(name="two_way", y=45.0) -> Layout:
     x = np.linspace(0.0, 260.0, 175)
     ahead = Lane(np.stack([x, np.full(175, y)], axis=1), np.full(175, 4.0), "striped", "continuous", 14.0, False)
-    back = Lane(np.stack([x[::-1], np.full(175, y + 4.0)], axis=1), np.full(175, 4.0), "none", "continuous", 14.0, False)
-    ego = Track(np.array([0.0, 4.0]), np.array([[100.0, y, 0], [156.0, y, 0]]), np.zeros(2), np.array([[14.0, 0, 0]] * 2))
+    back = Lane(
+        np.stack([x[::-1], np.full(175, y + 4.0)], axis=1), np.full(175, 4.0), "none", "continuous", 14.0, False
+    )
+    ego = Track(
+        np.array([0.0, 4.0]), np.array([[100.0, y, 0], [156.0, y, 0]]), np.zeros(2), np.array([[14.0, 0, 0]] * 2)
+    )
     return Layout(name, [ahead, back], ego, [], (260.0, 110.0))
 
 
@@ -79,7 +83,7 @@ def test_ego_sees_ahead(built):
     distance = np.linalg.norm(end - start)
     if distance < 3 or abs(layout.ego.at(2.0)[1] - layout.ego.at(0.0)[1]) > 0.1:
         pytest.skip("stands or turns")
-    hits = scene.cast(start + [0, 0, 1.5], ((end - start) / distance)[None], 0.0, max_range=float(distance))
+    hits = scene.cast(start + np.array([0, 0, 1.5]), ((end - start) / distance)[None], 0.0, max_range=float(distance))
     assert hits.body[0] != WORLD
 
 
@@ -89,7 +93,7 @@ def test_scatterers_are_outside_the_lanes_and_normals_unit_or_zero(built):
     assert len(points.rcs) == len(points.position) == len(points.normal) > 20
     length = np.linalg.norm(points.normal, axis=1)
     assert np.all((length < 1e-6) | (np.abs(length - 1) < 1e-4))
-    assert -25 < points.rcs.min()
+    assert points.rcs.min() > -25
     assert points.rcs.max() < 30
     low = points.position[points.position[:, 2] < 4]
     for lane in layout.lanes:
@@ -112,7 +116,9 @@ def test_kerb_stands_where_kerb_is_painted_and_faces_outwards():
     scene = _scene(layout, world)
     y = 45.0 - 2.0 - SHOULDER - 0.1
     xs = np.arange(20.0, 240.0, 7.3)
-    hits = scene.cast(np.stack([xs, np.full_like(xs, y), np.full_like(xs, 1.0)], axis=1), np.tile([0.0, 0, -1], (len(xs), 1)), 0.0)
+    hits = scene.cast(
+        np.stack([xs, np.full_like(xs, y), np.full_like(xs, 1.0)], axis=1), np.tile([0.0, 0, -1], (len(xs), 1)), 0.0
+    )
     np.testing.assert_allclose(hits.distance, 1.0 - KERB_HEIGHT, atol=1e-4)
     assert (hits.face < world.ground_faces).all()
     assert {GROUND_NAMES[i] for i in world.ground.at(hits.local)} == {"kerb"}

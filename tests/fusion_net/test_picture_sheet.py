@@ -2,12 +2,12 @@
 
 import cv2
 import numpy as np
+from tiny_tree import write_tree
 
 from fusion_net.bev_grid import BEVGrid
 from fusion_net.boxes import Boxes
 from fusion_net.data.datamodule import NuScenesDataset
 from fusion_net.viz.picture_sheet import FOUND, picture_sheet
-from tests.fusion_net.tiny_tree import write_tree
 
 GRID = BEVGrid(0.0, 40.0, -12.0, 20.0, 0.8)
 

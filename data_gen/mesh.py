@@ -102,6 +102,7 @@ class Asset:
 
     Local frame: origin on the ground below the box's centre, x forward, y left, z up. ``category`` is a nuScenes
     category, or "" for what is no object (decoys, props). ``size`` is length, width, height of the labelled box.
+    ``imitates`` is the category that a decoy is mistaken for.
     """
 
     name: str
@@ -109,3 +110,4 @@ class Asset:
     size: tuple[float, float, float]
     mesh: Mesh
     scatterers: Scatterers
+    imitates: str = ""

@@ -141,6 +141,11 @@ class _Site:
         """Heading (K,) of the traffic on the lane nearest to each place."""
         return self._yaw[self._lanes.query(at)[1]]
 
+    def on_lane(self, at: Array) -> tuple[Array, float]:
+        """The point (2,) in the middle of a lane that is nearest to a place (2,), and the heading there."""
+        nearest = self._lanes.query(at)[1]
+        return self._lanes.data[nearest], float(self._yaw[nearest])
+
 
 def _ground_plane(extent: tuple[float, float]) -> Mesh:
     x, y = extent[0] + BEYOND, extent[1] + BEYOND
@@ -217,11 +222,10 @@ def _gantry(layout: Layout, site: _Site, props: Props, rng: np.random.Generator)
     """Often a gantry ahead: a bridge where the road is narrow enough, else a cantilever from the right."""
     if rng.random() < 0.3:
         return
-    position, yaw, _ = layout.ego.at(rng.uniform(0.3, 1.0) * layout.ego.times[-1])
-    ahead = np.array([np.cos(yaw), np.sin(yaw)])
-    left = np.array([-ahead[1], ahead[0]])
+    position, course, _ = layout.ego.at(rng.uniform(0.3, 1.0) * layout.ego.times[-1])
+    middle, yaw = site.on_lane(position[:2] + rng.uniform(15.0, 70.0) * np.array([np.cos(course), np.sin(course)]))
+    left = np.array([-np.sin(yaw), np.cos(yaw)])
     offset = np.arange(-25.0, 25.0, 0.25)
-    middle = position[:2] + rng.uniform(15.0, 70.0) * ahead
     free = site.room_at(middle + offset[:, None] * left) > 0.3
     right_edge, left_edge = (
         offset[free & (offset < 0)].max(initial=-25.0),
@@ -229,5 +233,8 @@ def _gantry(layout: Layout, site: _Site, props: Props, rng: np.random.Generator)
     )
     bridge = left_edge - right_edge < build_asset("gantry", 0).size[1] - 0.3
     variant = VARIANT_NAMES["gantry"].index("bridge" if bridge else "cantilever")
-    across = (left_edge + right_edge) / 2 if bridge else right_edge - 0.8 + build_asset("gantry", variant).size[1] / 2
-    props.add("gantry", variant, 0, (middle + across * left)[None], np.array([yaw]))
+    half = build_asset("gantry", variant).size[1] / 2
+    across = (left_edge + right_edge) / 2 if bridge else right_edge - 0.8 + half
+    feet = across + np.array([-half, half] if bridge else [-half])
+    if (site.room_at(middle + feet[:, None] * left) > 0.3).all():
+        props.add("gantry", variant, 0, (middle + across * left)[None], np.array([yaw]))

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from data_gen.rig import Camera, Rig
-from data_gen.writer import token, write_json
+from data_gen.writer import DECOY, token, write_json
 from fusion_net.boxes import CATEGORY_TO_CLASS
 from fusion_net.geometry import to_quaternion
 
@@ -37,7 +37,7 @@ def _fixed_tables(dataset: str, rig: Rig) -> dict[str, list[dict[str, Any]]]:
     """Tables that no scene changes: names, sensors, calibration."""
     modality = {c: "camera" if c in rig.cameras else "lidar" if c in rig.lidars else "radar" for c in rig.sensors}
     return {
-        "category": [{"token": token("category", c), "name": c, "description": ""} for c in CATEGORY_TO_CLASS],
+        "category": [{"token": token("category", c), "name": c, "description": ""} for c in (*CATEGORY_TO_CLASS, DECOY)],
         "attribute": [{"token": token("attribute", a), "name": a, "description": ""} for a in ATTRIBUTES],
         "visibility": [
             {

@@ -29,6 +29,8 @@ EPOCH_US = 1_700_000_000_000_000
 """Time stamp of the first scene's zero; scenes follow at 100 s."""
 LABEL_RANGE = 60.0
 """Metres from the ego within which an object is annotated, if any sensor met it in any keyframe of the scene."""
+DECOY = "static_object.decoy"
+"""Category of what is no object but looks like one to some sensor: no detection class, so every metric ignores it."""
 JPEG_QUALITY = 92
 DEPTH_SCALE = 256.0  # depth image: 1/256 m, KITTI's convention
 
@@ -162,7 +164,8 @@ class _SceneWriter:
         ego = self.scene.ego.at(times)[0]
         ever = np.sum([s.lidar_points + s.radar_points + s.reached for s in seen], axis=0) > 0
         for index, actor in enumerate(self.scene.actors):
-            if not actor.asset.category or not ever[index]:
+            category = actor.asset.category or (DECOY if actor.asset.imitates else "")
+            if not category or not ever[index]:
                 continue
             position, yaw, velocity = actor.track.at(times)
             near = np.flatnonzero(np.hypot(*(position - ego)[:, :2].T) < LABEL_RANGE)
@@ -189,12 +192,13 @@ class _SceneWriter:
                         "num_lidar_pts": int(seen[k].lidar_points[index]),
                         "num_radar_pts": int(seen[k].radar_points[index]),
                         "velocity": velocity[k][:2].tolist(),  # exact; the official one is by finite differences
+                        "imitates": actor.asset.imitates,
                     }
                 )
             self.rows["instance"].append(
                 {
                     "token": instance,
-                    "category_token": token("category", actor.asset.category),
+                    "category_token": token("category", category),
                     "nbr_annotations": len(near),
                     "first_annotation_token": keys[0],
                     "last_annotation_token": keys[-1],

@@ -30,7 +30,13 @@ def decoy_of(asset: Asset) -> Asset:
         specular=np.zeros(count, np.float32),
         emission=np.zeros(count, np.float32),
     )
-    return replace(asset, name=f"decoy {asset.name}", category="", mesh=Mesh(mesh.vertices, mesh.faces, surface))
+    return replace(
+        asset,
+        name=f"decoy {asset.name}",
+        category="",
+        imitates=asset.category,
+        mesh=Mesh(mesh.vertices, mesh.faces, surface),
+    )
 
 
 @cache
@@ -45,6 +51,7 @@ def giant(asset: Asset, scale: float = 2.0) -> Asset:
         asset,
         name=f"giant {asset.name}",
         category="",
+        imitates=asset.category,
         size=(scale * length, scale * width, scale * height),
         mesh=Mesh(mesh.vertices * np.float32(scale), mesh.faces, mesh.surface),
         scatterers=Scatterers(

@@ -82,7 +82,7 @@ def _open_sky(covered: NDArray[np.float32]) -> NDArray[np.float32]:
     """Share of the sky (H, W) that the ground sees: the mean over neighbours of which leaning rays got out. Away from any
     ground pixel, 1."""
     ground = np.isfinite(covered).astype(np.float32)
-    size = (7, 5)
+    size = (2 * (covered.shape[1] // 90) + 1, 2 * (covered.shape[1] // 120) + 1)
     total = cv2.boxFilter(ground, -1, size, borderType=cv2.BORDER_REPLICATE)
     blocked = cv2.boxFilter(np.nan_to_num(covered), -1, size, borderType=cv2.BORDER_REPLICATE)
     return (1 - 0.9 * blocked / np.maximum(total, 1e-3)).astype(np.float32)
@@ -99,9 +99,11 @@ def _most(score: NDArray[np.float32], share: float) -> NDArray[np.int64]:
 
 @jit
 def _edges(body, distance, normal, rays, lit, tint, linear):
-    """How much each pixel (N,) of body (H, W) would gain from a closer look: its contrast to a neighbour where the body
-    or its colour changes, the surface turns, a shadow ends or the point leaves the neighbour's plane by more than 2 % of the distance;
-    0 elsewhere. Both sides of an edge score."""
+    """How much each pixel (N,) of body (H, W) would gain from a closer look: its contrast to the pixel on the right or below.
+
+    0 unless the body or its colour changes there, the surface turns, a shadow ends or the point leaves the neighbour's plane
+    by more than 2 % of the distance. Both sides of an edge score.
+    """
     height, width = body.shape
     score = np.zeros(height * width, np.float32)
     mean = linear[:, 1].mean()

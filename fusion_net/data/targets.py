@@ -19,8 +19,7 @@ def gaussian_radius(length: NDArray, width: NDArray, min_overlap: float) -> NDAr
     """How far both corners of a box may move and leave an IoU of ``min_overlap`` with it: the smallest root of three
     cases, both corners along with each other, both inwards, both outwards (CornerNet, arXiv 1808.01244).
 
-    The widely copied code divides each root by 2 where the quadratic formula has 2a, which makes the radius up to 2
-    cells larger or smaller; this is the formula.
+    The widely copied code divides every root by 2 where the quadratic formula has 2a; this is the formula.
     """
     total, area, o = length + width, length * width, min_overlap
     along = (total - np.sqrt(total**2 - 4 * area * (1 - o) / (1 + o))) / 2

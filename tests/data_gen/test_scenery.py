@@ -65,6 +65,14 @@ def test_nothing_stands_on_a_lane(built):
         assert distance.min(initial=np.inf) > lane.width.mean() / 2 - 0.05
 
 
+@pytest.mark.parametrize(
+    ("name", "seed"), [("highway", 104), ("exit", 102), ("merge", 101), ("exit", 7), ("highway", 8)]
+)
+def test_gantries_keep_their_feet_off_the_lanes(name, seed):
+    layout = record_layout(name, seed=seed, duration=2.0)
+    test_nothing_stands_on_a_lane((layout, build_world(layout, seed=seed)))
+
+
 def test_the_middle_of_pavements_is_free(built):
     layout, world = built
     if layout.name not in URBAN:

@@ -1,0 +1,113 @@
+"""Loops over rays behind the queries of a scene: which rays concern which body, and whose hit is the nearest."""
+
+import numpy as np
+
+from data_gen.jit import jit
+
+
+@jit
+def keep_nearer(
+    rays, prim, tfar, ng, moved_o, moved_d, cos, sin, index, start, max_range, distance, body, face, normal, local
+):
+    """Write one actor's hits where they are the nearest so far; returns how many rays met it at all."""
+    met = 0
+    for k in range(len(rays)):
+        i, t = rays[k], tfar[k]
+        if prim[k] < 0 or t >= max_range:
+            continue
+        met += 1
+        if t >= distance[i]:
+            continue
+        distance[i], body[i], face[i] = t, index, prim[k] + start
+        normal[i, 0] = cos[k] * ng[k, 0] - sin[k] * ng[k, 1]
+        normal[i, 1] = sin[k] * ng[k, 0] + cos[k] * ng[k, 1]
+        normal[i, 2] = ng[k, 2]
+        for c in range(3):
+            local[i, c] = moved_o[k, c] + moved_d[k, c] * t
+    return met
+
+
+@jit
+def finish(origins, directions, distance, body, normal, local):
+    """Local points of the static world's hits; normals to unit length, turned towards the ray's origin."""
+    for i in range(len(distance)):
+        length = max(np.sqrt(normal[i, 0] ** 2 + normal[i, 1] ** 2 + normal[i, 2] ** 2), np.float32(1e-12))
+        along = normal[i, 0] * directions[i, 0] + normal[i, 1] * directions[i, 1] + normal[i, 2] * directions[i, 2]
+        for c in range(3):
+            normal[i, c] = (-normal[i, c] if along > 0 else normal[i, c]) / length
+            if body[i] == -1:
+                local[i, c] = origins[i, c] + directions[i, c] * distance[i]
+
+
+@jit
+def into_bodies(origins, directions, rays, which, position, cos, sin, bounds):
+    """Of pairs of a ray and a body, those (K,) whose ray passes the body's bounding box ``bounds`` (A, 2, 3), with origins
+    and directions (K, 3) in the body's frame."""
+    kept = np.empty(len(rays), np.int64)
+    moved_o = np.empty((len(rays), 3), np.float32)
+    moved_d = np.empty((len(rays), 3), np.float32)
+    n = 0
+    for k in range(len(rays)):
+        i = rays[k]
+        x, y = origins[i, 0] - position[k, 0], origins[i, 1] - position[k, 1]
+        moved_o[n, 0], moved_o[n, 1] = cos[k] * x + sin[k] * y, cos[k] * y - sin[k] * x
+        moved_o[n, 2] = origins[i, 2] - position[k, 2]
+        x, y = directions[i, 0], directions[i, 1]
+        moved_d[n, 0], moved_d[n, 1] = cos[k] * x + sin[k] * y, cos[k] * y - sin[k] * x
+        moved_d[n, 2] = directions[i, 2]
+        enter, leave = np.float32(0.0), np.float32(np.inf)
+        for c in range(3):
+            d = moved_d[n, c]
+            d = d if abs(d) > 1e-9 else np.float32(1e-9)
+            a = (bounds[which[k], 0, c] - np.float32(1e-3) - moved_o[n, c]) / d
+            b = (bounds[which[k], 1, c] + np.float32(1e-3) - moved_o[n, c]) / d
+            enter, leave = max(enter, min(a, b)), min(leave, max(a, b))
+        if enter <= leave:
+            kept[n] = k
+            n += 1
+    return kept[:n], moved_o[:n], moved_d[:n]
+
+
+@jit
+def passing(origins, directions, center, radius, max_range):
+    """Pairs (sphere, ray), sorted by sphere, of rays that pass a sphere in front of them."""
+    which = np.empty(len(center) * len(directions), np.int32)
+    rays = np.empty(len(which), np.int32)
+    count = 0
+    for k in range(len(center)):
+        cx, cy, cz, r = center[k, 0], center[k, 1], center[k, 2], radius[k]
+        for i in range(len(directions)):
+            x, y, z = cx - origins[i, 0], cy - origins[i, 1], cz - origins[i, 2]
+            along = x * directions[i, 0] + y * directions[i, 1] + z * directions[i, 2]
+            if x * x + y * y + z * z - along * along < r * r and -r < along < max_range + r:
+                which[count], rays[count] = k, i
+                count += 1
+    return which[:count].copy(), rays[:count].copy()
+
+
+def in_cone(origins, directions, center, radius, max_range):
+    """Which spheres the cone around all rays may touch."""
+    base, axis, opening, spread = _cone(origins, directions)
+    offset = center - base
+    distance = np.maximum(np.linalg.norm(offset, axis=1), 1e-6)
+    reach = radius + spread
+    angle = np.arccos(np.clip(offset @ axis / distance, -1.0, 1.0)) - np.arcsin(np.minimum(reach / distance, 1.0))
+    return (distance < max_range + reach) & ((angle <= opening + 1e-3) | (distance <= reach))
+
+
+@jit
+def _cone(origins, directions):
+    """Mean origin (3,), mean direction (3,), and the largest angle and distance of any ray from them."""
+    base, axis = np.zeros(3), np.zeros(3)
+    for i in range(len(directions)):
+        for c in range(3):
+            base[c] += origins[i, c]
+            axis[c] += directions[i, c]
+    base /= len(directions)
+    axis /= max(np.sqrt((axis**2).sum()), 1e-6)
+    cosine, spread = 1.0, 0.0
+    for i in range(len(directions)):
+        cosine = min(cosine, directions[i, 0] * axis[0] + directions[i, 1] * axis[1] + directions[i, 2] * axis[2])
+        x, y, z = origins[i, 0] - base[0], origins[i, 1] - base[1], origins[i, 2] - base[2]
+        spread = max(spread, x * x + y * y + z * z)
+    return base, axis, np.arccos(max(cosine, -1.0)), np.sqrt(spread)

@@ -8,9 +8,10 @@ settings and on the scene's index, never on the number of workers or scenes.
 import fcntl
 import hashlib
 import json
-import multiprocessing
+import multiprocessing.connection
 import os
 import shutil
+import threading
 import time
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -19,6 +20,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+import cv2
 from beartype import beartype
 from tqdm import tqdm
 
@@ -103,11 +105,7 @@ def generate(job: Job, *, settings: dict[str, Any], workers: int | None = None) 
     root = Path(job.data.root)
     manifest = _manifest(job, settings)
     _check_folder(root, manifest)
-    for channel in job.rig.sensors:
-        (root / "samples" / channel).mkdir(parents=True, exist_ok=True)
-        (root / "sweeps" / channel).mkdir(parents=True, exist_ok=True)
-    for folder in ("maps", "scenes"):
-        (root / folder).mkdir(exist_ok=True)
+    make_folders(job)
     with _only_generator(root):
         write_json(root / "manifest.json", manifest)
         splits = job.data.splits()
@@ -126,6 +124,13 @@ def generate(job: Job, *, settings: dict[str, Any], workers: int | None = None) 
     return manifest
 
 
+def make_folders(job: Job) -> None:
+    """The tree that scenes are written into."""
+    channels = [f"{kind}/{channel}" for kind in ("samples", "sweeps") for channel in job.rig.sensors]
+    for folder in (*channels, "maps", "scenes"):
+        (Path(job.data.root) / folder).mkdir(parents=True, exist_ok=True)
+
+
 def _make_all(job: Job, missing: list[int], splits: list[str], workers: int) -> None:
     bar = tqdm(
         total=len(splits), initial=len(splits) - len(missing), desc=f"data_gen {job.data.name}", unit="scene",
@@ -138,7 +143,7 @@ def _make_all(job: Job, missing: list[int], splits: list[str], workers: int) -> 
                 bar.update()
             return
         context = multiprocessing.get_context("spawn")
-        with ProcessPoolExecutor(min(workers, len(missing)), mp_context=context, initializer=_one_thread) as pool:
+        with ProcessPoolExecutor(min(workers, len(missing)), mp_context=context, initializer=_start_worker) as pool:
             futures = [pool.submit(job.make, index, splits[index]) for index in missing]
             try:
                 for future in as_completed(futures):
@@ -149,13 +154,22 @@ def _make_all(job: Job, missing: list[int], splits: list[str], workers: int) -> 
                 raise
 
 
-def _one_thread() -> None:
+def limit_threads() -> None:
     """A worker is one process on one core: libraries must not start threads of their own in it."""
-    import cv2
-    import torch
-
     cv2.setNumThreads(1)
-    torch.set_num_threads(1)
+
+
+def _start_worker() -> None:
+    """One thread, and an end when the parent ends, even if that is killed: orphans would wait for work for ever."""
+    limit_threads()
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        threading.Thread(target=_end_with, args=(parent.sentinel,), daemon=True).start()
+
+
+def _end_with(sentinel: int) -> None:
+    multiprocessing.connection.wait([sentinel])
+    os._exit(1)
 
 
 def _manifest(job: Job, settings: dict[str, Any]) -> dict[str, Any]:

@@ -155,9 +155,9 @@ class CameraEncoder(nn.Module):
             torch.cat([features, scores, torch.ones_like(scores[..., :1])], -1), probability, *calibration
         )
         placed = self._place(scores, depth, calibration, self.view.grid)
-        return self.refine(
-            self.reduce(torch.cat([lifted.to(seen.features.dtype), placed.to(seen.features.dtype)], dim=1))
-        )
+        # Joined with the channels last, as they lie in memory, and already in the convolutions' precision.
+        parts = [x.permute(0, 2, 3, 1).to(seen.features.dtype) for x in (lifted, placed)]
+        return self.refine(self.reduce(torch.cat(parts, dim=-1).permute(0, 3, 1, 2)))
 
     def _depth(self, seen: Perception, batch: Batch) -> tuple[Tensor, Tensor]:
         """Probabilities (B, N, h, w, D) and one depth a cell (B, N, h, w; 0: none), by ``depth_source``."""

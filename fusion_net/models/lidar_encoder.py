@@ -65,8 +65,8 @@ class LidarEncoder(nn.Module):
         rows, columns = self.pillars.shape
         row, column, inside = self.pillars.rows_columns(points[:, :2])
         kept = inside.nonzero()[:, 0]
-        pillar = ((sample.long() * rows + row) * columns + column)[kept]
-        points, row, column = points[kept], row[kept], column[kept]
+        points, sample, row, column = (x.index_select(0, kept) for x in (points, sample, row, column))
+        pillar = (sample.long() * rows + row) * columns + column
         occupied, segment = torch.unique(pillar, return_inverse=True)
         features = F.relu(self.point(self._decorate(points, row, column, segment, len(occupied)))).float()
         top = _SegmentMax.apply(features, segment, len(occupied))
@@ -84,4 +84,4 @@ class LidarEncoder(nn.Module):
         center = torch.stack([grid.x_min + (column + 0.5) * grid.cell, grid.y_min + (row + 0.5) * grid.cell], dim=-1)
         scale = xyz.new_tensor([0.05, 0.05, 0.5])  # tens of metres across, metres up
         from_center = (xyz[:, :2] - center) / grid.cell
-        return torch.cat([xyz * scale, points[:, 3:], xyz - mean[segment], from_center.to(xyz)], dim=1)
+        return torch.cat([xyz * scale, points[:, 3:], xyz - mean.index_select(0, segment), from_center.to(xyz)], dim=1)

@@ -32,8 +32,8 @@ class Walk:
         if not (key[1:] >= key[:-1]).all():
             key, order = torch.sort(key, stable=True)
             other = other.index_select(0, order)
-        numbers = torch.arange(count, dtype=key.dtype, device=key.device)
-        return Walk(order, other, torch.searchsorted(key, numbers, out_int32=True))
+        many = torch.bincount(key, minlength=count)
+        return Walk(order, other, (many.cumsum(0) - many).int())
 
     def product(self, table: Tensor, weights: Tensor) -> Tensor:
         """For each row of S the weighted sum of the rows of ``table`` that it names."""
@@ -191,14 +191,17 @@ class PullLift(_View):
         points = [torch.cat([xy, torch.full_like(xy[..., :1], height)], dim=-1) for height in heights]
         self.register_buffer("points", torch.stack(points, dim=-2).reshape(-1, 3), persistent=False)
 
-    def _geometry(self, cam_K: Tensor, ego_T_cam: Tensor, size: tuple[int, int]) -> tuple[SplatIndex, Tensor, Tensor]:
+    def _geometry(
+        self, cam_K: Tensor, ego_T_cam: Tensor, size: tuple[int, int]
+    ) -> tuple[SplatIndex, tuple[Tensor, ...]]:
         (batch, cameras), (height, width), count = cam_K.shape[:2], size, self.bins.count
         rotation, origin = ego_T_cam[..., :3, :3], ego_T_cam[..., :3, 3]
         # cam_K @ cam_R_ego @ (point - origin), with the points last so that the camera axes are contiguous planes
-        projection = cam_K @ rotation.transpose(-1, -2)
+        cam_R_ego = torch.linalg.inv(rotation)  # augmentation mirrors and scales, so it is no mere rotation
+        projection = cam_K @ cam_R_ego
         offset = torch.einsum("bnij,bnj->bni", projection, origin)
         image = torch.einsum("bnij,pj->bnip", projection, self.points.to(cam_K)) - offset[..., None]
-        depth = (rotation[..., 2] @ self.points.T.to(cam_K)) - (rotation[..., 2] * origin).sum(-1, keepdim=True)
+        depth = (cam_R_ego[..., 2, :] @ self.points.T.to(cam_K)) - (cam_R_ego[..., 2, :] * origin).sum(-1, keepdim=True)
         column = image[:, :, 0] / depth / self.stride - 0.5
         row = image[:, :, 1] / depth / self.stride - 0.5
         plane = self.bins.coordinate(depth) - 0.5
@@ -210,26 +213,26 @@ class PullLift(_View):
         cell = torch.div(view, cameras, rounding_mode="floor") * len(self.points) + where % len(self.points)
 
         left, top, near = column.floor(), row.floor(), plane.floor()
-        corner = torch.tensor([[0, 0], [0, 1], [1, 0], [1, 1]], device=cam_K.device)
-        weight = (1 - (row - top)[:, None] - corner[:, 0] * (1 - 2 * (row - top)[:, None])) * (
-            1 - (column - left)[:, None] - corner[:, 1] * (1 - 2 * (column - left)[:, None])
-        )
-        rows = (top[:, None] + corner[:, 0]).clamp(0, height - 1).long()
-        columns = (left[:, None] + corner[:, 1]).clamp(0, width - 1).long()
-        pixel = (view[:, None] * height + rows) * width + columns
-        planes = torch.stack([near, near + 1], dim=-1).clamp(0, count - 1).long()[:, None]
-        share = torch.stack([1 - (plane - near), plane - near], dim=-1)[:, None]
+        right, low, far = column - left, row - top, plane - near
+        corners = [(1 - low) * (1 - right), (1 - low) * right, low * (1 - right), low * right]
+        columns = [(left + i).clamp(0, width - 1).int() for i in (0, 1)]
+        rows = [(view * height + (top + i).clamp(0, height - 1)).int() * width for i in (0, 1)]
+        pixel = torch.stack([r + c for r in rows for c in columns], dim=1)  # (seen, 4)
         index = SplatIndex.of(
             pixel.flatten(),
-            cell[:, None].expand(-1, 4).flatten(),
+            cell.int().repeat_interleave(4),
             pixels=batch * cameras * height * width,
             cells=batch * len(self.points),
         )
-        return index, (pixel[..., None] * count + planes).view(-1, 2), (weight[..., None] * share).view(-1, 2)
+        first = pixel * count + near.clamp(min=0).int()[:, None]
+        beyond = (near < count - 1) & (near >= 0)
+        return index, (first, beyond.int()[:, None], torch.stack(corners, dim=1), far[:, None])
 
     def forward(self, features: Tensor, probability: Tensor, cam_K: Tensor, ego_T_cam: Tensor) -> Tensor:
         """Features (B, N, h, w, C) and depth probabilities (B, N, h, w, D) to (B, heights * C, Y, X)."""
-        index, bins, share = self.geometry(cam_K, ego_T_cam, features.shape[2:4])
-        weights = (probability.flatten().index_select(0, bins.flatten()).view(-1, 2) * share).sum(-1)
-        cells = splat(features.flatten(0, 3), weights, index)
+        index, (near, step, corner, far) = self.geometry(cam_K, ego_T_cam, features.shape[2:4])
+        flat = probability.flatten()
+        near_share, far_share = (flat.index_select(0, i.flatten()).view_as(corner) for i in (near, near + step))
+        weights = corner * torch.lerp(near_share, far_share, far.expand_as(corner))
+        cells = splat(features.flatten(0, 3), weights.flatten(), index)
         return to_map(cells.view(-1, self.layers * features.shape[-1]), len(features), self.grid)

@@ -28,7 +28,7 @@ STEPS = {
     "scene trees": (episode, "Scene"),
     "camera": (capture, "render_camera"),
     "LiDAR": (capture, "scan_lidar"),
-    "radar": (capture, "detect_radar"),
+    "radar": (capture, "detect_radars"),
 }
 """The function that does each step, by the module that calls it; what is left is files."""
 

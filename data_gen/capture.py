@@ -12,7 +12,7 @@ from data_gen.rig import Camera, Lidar, Mount, Rig
 from data_gen.scene import Scene
 from data_gen.sensors.camera import CameraFrame, render_camera
 from data_gen.sensors.lidar import LidarSweep, scan_lidar
-from data_gen.sensors.radar import RadarScan, detect_radar
+from data_gen.sensors.radar import Look, RadarScan, detect_radars
 
 
 @dataclass(frozen=True)
@@ -45,22 +45,25 @@ def capture(scene: Scene, rig: Rig, *, keyframes: int, seed: int) -> Iterator[Fi
     """Every firing that is written to disk, by keyframe and channel, oldest first within a channel."""
     written: dict[str, float] = {}
     for index, t_key in enumerate(keyframe_times(rig, keyframes)):
+        shots = []
         for channel, mount in rig.sensors.items():
             times = firing_times(mount, float(t_key), rig.sweeps.get(_modality(rig, channel), 0))
-            for t in times:
-                if t <= written.get(channel, -math.inf) + 1e-9:
-                    continue
-                written[channel] = t
-                rng = stream(seed, channel, round(t * 1e6))
-                yield Firing(channel, t, index, t == times[-1], _fire(scene, mount, t, rng))
+            shots += [(channel, t, t == times[-1]) for t in times if t > written.get(channel, -math.inf) + 1e-9]
+            written[channel] = times[-1]
+        rngs = [stream(seed, channel, round(t * 1e6)) for channel, t, _ in shots]
+        radars, sensors = rig.radars, rig.sensors
+        looks = [Look(radars[c], t, rng) for (c, t, _), rng in zip(shots, rngs, strict=True) if c in radars]
+        scans = iter(detect_radars(scene, looks) if looks else ())
+        for (channel, t, is_keyframe), rng in zip(shots, rngs, strict=True):
+            data = next(scans) if channel in radars else _fire(scene, sensors[channel], t, rng)
+            yield Firing(channel, t, index, is_keyframe, data)
 
 
-def _fire(scene: Scene, mount: Mount, t: float, rng: np.random.Generator) -> CameraFrame | LidarSweep | RadarScan:
+def _fire(scene: Scene, mount: Mount, t: float, rng: np.random.Generator) -> CameraFrame | LidarSweep:
     if isinstance(mount, Camera):
         return render_camera(scene, mount, t=t, rng=rng)
-    if isinstance(mount, Lidar):
-        return scan_lidar(scene, mount, t_end=t, rng=rng)
-    return detect_radar(scene, mount, t=t, rng=rng)
+    assert isinstance(mount, Lidar)
+    return scan_lidar(scene, mount, t_end=t, rng=rng)
 
 
 def _modality(rig: Rig, channel: str) -> str:

@@ -3,6 +3,7 @@ the LiDAR's reflectivity and the drivable mask of the nuScenes map."""
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -48,7 +49,7 @@ class GroundMap:
     @property
     def drivable(self) -> NDArray[np.bool_]:
         """(rows, columns): where cars drive."""
-        return _DRIVABLE[self.material]
+        return cv2.LUT(self.material, np.resize(_DRIVABLE, 256).view(np.uint8)).view(bool)
 
 
 def ground_table() -> tuple[NDArray[np.float32], NDArray[np.uint8], NDArray[np.float32]]:

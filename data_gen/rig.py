@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from beartype import beartype
@@ -24,10 +25,11 @@ class Mount:
     rate: float
     phase: float = 0.0
 
-    @property
+    @cached_property
     def ego_T_body(self) -> NDArray[np.float64]:
         """(4, 4): body axes are x along the boresight, y left, z up."""
-        return from_rpy(*np.radians(self.rotation_deg), translation=self.translation)
+        roll, pitch, yaw = np.radians(self.rotation_deg).tolist()
+        return from_rpy(roll, pitch, yaw, self.translation)
 
     @property
     def ego_T_sensor(self) -> NDArray[np.float64]:

@@ -7,6 +7,7 @@ It also yields, at no cost, which bodies a ray would have met had nothing stood 
 
 import weakref
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from embreex.mesh_construction import TriangleMesh
@@ -106,10 +107,22 @@ class Scene:
         starts = np.cumsum([0, *(len(mesh.faces) for mesh in meshes[:-1])])
         self._face_start = dict(zip(trees, starts[1:].tolist(), strict=True))
 
-    def place(self, body: ArrayLike, local: ArrayLike, t: float) -> NDArray[np.float64]:
-        """Global positions (N, 3) at time ``t`` of points ``local`` (N, 3) fixed to bodies (N,): actors or WORLD."""
-        position, yaw, _ = self._tracks.at(t, np.arange(len(self.actors) + 1))
-        return position[body] + _rotate(np.asarray(local), np.cos(yaw)[body], np.sin(yaw)[body])
+    @cached_property
+    def reflectors(self) -> tuple[NDArray[np.int64], Scatterers]:
+        """Radar reflectors of all bodies: body index (S,), actors or WORLD, and points in the body's frame."""
+        parts = [self.world_scatterers, *(actor.asset.scatterers for actor in self.actors)]
+        bodies = np.arange(WORLD, len(self.actors))
+        return np.repeat(bodies, [len(part.rcs) for part in parts]), Scatterers.concatenate(parts)
+
+    def poses(self, t: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Position (A + 1, 3) and yaw (A + 1,) of all actors and, last, so that WORLD finds it, the world."""
+        return self._tracks.at(t, np.arange(len(self.actors) + 1))[:2]
+
+    def place(self, body: NDArray[np.int64], local: NDArray, t: ArrayLike) -> NDArray[np.float64]:
+        """Global positions (N, 3) at times ``t`` (N,) or a scalar of points ``local`` (N, 3) fixed to bodies (N,): actors or
+        WORLD."""
+        position, yaw, _ = self._tracks.at(t, np.where(body == WORLD, len(self.actors), body))
+        return position + _rotate(local, np.cos(yaw), np.sin(yaw))
 
     def cast(self, origins: ArrayLike, directions: ArrayLike, times: ArrayLike, max_range: float = 250.0) -> Hits:
         """Nearest hits of rays with global ``origins`` (N, 3) or (3,), unit ``directions`` (N, 3), ``times`` (N,) or a

@@ -30,18 +30,15 @@ class Track:
         """A body at rest at ``position`` (3,)."""
         return Track(np.zeros(1), np.asarray(position, float)[None], np.array([float(yaw)]), np.zeros((1, 3)))
 
+    def __post_init__(self) -> None:
+        for field in fields(self):  # one layout in memory: the kernel compiles once
+            object.__setattr__(self, field.name, np.ascontiguousarray(getattr(self, field.name), float))
+
     def at(self, t: ArrayLike) -> tuple[Array, Array, Array]:
         """Position (..., 3), yaw (...) and velocity (..., 3) at times ``t`` (...) in seconds."""
         t = np.asarray(t, float)
-        inner = np.clip(t, self.times[0], self.times[-1])
-        coast = (t - inner)[..., None]
-        if len(self.times) == 1:
-            shape = t.shape
-            velocity = np.broadcast_to(self.velocity[0], (*shape, 3))
-            return self.position[0] + coast * velocity, np.broadcast_to(self.yaw[0], shape), velocity
-        i = np.clip(np.searchsorted(self.times, inner, side="right") - 1, 0, len(self.times) - 2)
-        position, yaw, velocity = _interpolate(self, i, i + 1, inner)
-        return position + coast * velocity, yaw, velocity
+        first, last = np.zeros(1, np.int64), np.full(1, len(self.times) - 1)
+        return _at(self, first, last, t, np.zeros(t.shape, np.int64))
 
     def pose(self, t: float) -> Array:
         """``global_T_body`` (4, 4) at one time."""
@@ -59,45 +56,45 @@ class TrackBundle:
 
     def __init__(self, tracks: Sequence[Track]) -> None:
         counts = np.array([len(track.times) for track in tracks], np.int64)
-        self._first = np.cumsum(counts) - counts
-        self._last = self._first + counts - 1
-        names = [field.name for field in fields(Track)]
-        self._records = Track(*(np.concatenate([getattr(track, name) for track in tracks]) for name in names))
-        # The tracks end to end on one axis of time, a second apart: one binary search then serves them all.
-        times = self._records.times
-        self._shift = np.arange(len(tracks)) * (np.ptp(times) + 1.0)
-        self._axis = times + np.repeat(self._shift, counts)
+        self._last = np.cumsum(counts) - 1
+        self._first = self._last - counts + 1
+        self._records = Track(*(np.concatenate([getattr(t, field.name) for t in tracks]) for field in fields(Track)))
 
     def at(self, t: ArrayLike, which: ArrayLike) -> tuple[Array, Array, Array]:
         """:meth:`Track.at` of the tracks ``which`` at times ``t``, of shapes that broadcast together."""
-        t, which = np.broadcast_arrays(np.asarray(t, float), which)
-        first, last = self._first[which], self._last[which]
-        inner = np.clip(t, self._records.times[first], self._records.times[last])
-        i = np.searchsorted(self._axis, inner + self._shift[which], side="right") - 1
-        i = np.clip(i, first, np.maximum(last - 1, first))
-        position, yaw, velocity = _interpolate(self._records, i, np.minimum(i + 1, last), inner)
-        return position + (t - inner)[..., None] * velocity, yaw, velocity
+        t, which = np.broadcast_arrays(np.asarray(t, float), np.asarray(which, np.int64))
+        return _at(self._records, self._first, self._last, t, which)
 
 
-def _interpolate(records: Track, i: NDArray, j: NDArray, t: Array) -> tuple[Array, Array, Array]:
-    """Position, yaw and velocity at times ``t`` between records ``i`` and ``j`` (the same record: a body at rest)."""
-    table = (np.ascontiguousarray(getattr(records, field.name), float) for field in fields(Track))
-    position, yaw, velocity = _hermite(*table, i.ravel(), j.ravel(), t.ravel())
-    return position.reshape(*t.shape, 3), yaw.reshape(t.shape), velocity.reshape(*t.shape, 3)
+def _at(records: Track, first: NDArray, last: NDArray, t: Array, which: NDArray) -> tuple[Array, Array, Array]:
+    flat = _sample(*vars(records).values(), first, last, t.ravel(), which.ravel())
+    return flat[0].reshape(*t.shape, 3), flat[1].reshape(t.shape), flat[2].reshape(*t.shape, 3)
 
 
 @jit
-def _hermite(times, position, yaw, velocity, i, j, t):
+def _sample(times, position, yaw, velocity, first, last, t, which):
+    """Position (N, 3), yaw (N,), velocity (N, 3) at times ``t`` (N,) of the tracks whose records are ``first`` to ``last`` of
+    ``which`` (N,)."""
     found = np.empty((len(t), 3)), np.empty(len(t)), np.empty((len(t), 3))
     for n in range(len(t)):
-        a, b = i[n], j[n]
+        low, high = first[which[n]], last[which[n]]
+        inner = min(max(t[n], times[low]), times[high])
+        coast = t[n] - inner
+        a, b = low, high
+        while b - a > 1:
+            middle = (a + b) // 2
+            if times[middle] <= inner:
+                a = middle
+            else:
+                b = middle
         step = times[b] - times[a] if b != a else 1.0
-        s = (t[n] - times[a]) / step
+        s = (inner - times[a]) / step
         for k in range(3):
             m0, m1 = velocity[a, k] * step, velocity[b, k] * step
             gap = position[b, k] - position[a, k]
             bend, twist = 3 * gap - 2 * m0 - m1, m0 + m1 - 2 * gap
-            found[0][n, k] = position[a, k] + s * (m0 + s * (bend + s * twist))
-            found[2][n, k] = (m0 + s * (2 * bend + 3 * s * twist)) / step
+            speed = (m0 + s * (2 * bend + 3 * s * twist)) / step
+            found[0][n, k] = position[a, k] + s * (m0 + s * (bend + s * twist)) + coast * speed
+            found[2][n, k] = speed
         found[1][n] = yaw[a] + s * (yaw[b] - yaw[a])
     return found

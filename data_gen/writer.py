@@ -6,6 +6,7 @@ record file when all of it is on disk: a scene is there or it is not, whoever wr
 
 import hashlib
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -21,14 +22,17 @@ from data_gen.sensors.camera import CameraFrame
 from data_gen.sensors.lidar import LidarSweep
 from data_gen.sensors.radar import RadarScan
 from fusion_net.boxes import CATEGORY_TO_CLASS, CLASSES
-from fusion_net.geometry import to_quaternion
+from fusion_net.geometry import wrap_angle
 
 Row = dict[str, Any]
 
 EPOCH_US = 1_700_000_000_000_000
 """Time stamp of the first scene's zero; scenes follow at 100 s."""
 LABEL_RANGE = 60.0
-"""Metres from the ego within which an object is annotated, if any sensor met it in any keyframe of the scene."""
+"""Metres from the ego within which an object is annotated."""
+MIN_RAYS = 4
+"""Camera and LiDAR rays of a keyframe that must reach an object for it to be annotated there: nuScenes' annotators label
+what they can see, and a radar's faint echo from below the lorry in front is not seeing."""
 DECOY = "static_object.decoy"
 """Category of what is no object but looks like one to some sensor: no detection class, so every metric ignores it."""
 JPEG_QUALITY = 92
@@ -94,8 +98,8 @@ class _SceneWriter:
 
     def _log_and_map(self) -> None:
         filename = f"maps/{self.log}.png"
-        mask = np.flipud(self.scene.ground.drivable).astype(np.uint8) * 255  # image rows run down, y runs up
-        _write_image(self.root / filename, mask, [cv2.IMWRITE_PNG_BILEVEL, 1, cv2.IMWRITE_PNG_COMPRESSION, 1])
+        mask = cv2.flip(self.scene.ground.drivable.view(np.uint8), 0)  # image rows run down, y runs up
+        _write_image(self.root / filename, mask * 255, [cv2.IMWRITE_PNG_BILEVEL, 1, cv2.IMWRITE_PNG_COMPRESSION, 1])
         self.rows["log"].append(
             {"token": token(self.log), "logfile": self.log, "vehicle": self.rig.name, "date_captured": "2026-01-01",
              "location": self.layout}
@@ -114,13 +118,13 @@ class _SceneWriter:
         filename = f"{kind}/{firing.channel}/{self.log}__{firing.channel}__{stamp}.{suffix}"
         self._write_reading(self.root / filename, firing.data)
         key = token(self.log, firing.channel, stamp)
-        pose = self.scene.ego.pose(firing.time)
+        position, yaw, _ = self.scene.ego.at(firing.time)
         self.rows["ego_pose"].append(
             {
                 "token": key,
                 "timestamp": stamp,
-                "rotation": to_quaternion(pose).tolist(),
-                "translation": pose[:3, 3].tolist(),
+                "rotation": _quaternion(yaw),
+                "translation": position.tolist(),
             }
         )
         self.rows["sample_data"].append(
@@ -162,13 +166,13 @@ class _SceneWriter:
 
     def _annotations(self, times: np.ndarray, samples: list[str], seen: list["_Seen"]) -> None:
         ego = self.scene.ego.at(times)[0]
-        ever = np.sum([s.lidar_points + s.radar_points + s.reached for s in seen], axis=0) > 0
         for index, actor in enumerate(self.scene.actors):
             category = actor.asset.category or (DECOY if actor.asset.imitates else "")
-            if not category or not ever[index]:
+            if not category:
                 continue
             position, yaw, velocity = actor.track.at(times)
-            near = np.flatnonzero(np.hypot(*(position - ego)[:, :2].T) < LABEL_RANGE)
+            in_sight = np.array([s.reached[index] >= MIN_RAYS for s in seen])
+            near = np.flatnonzero((np.hypot(*(position - ego)[:, :2].T) < LABEL_RANGE) & in_sight)
             if not len(near):
                 continue
             instance = token(self.log, "instance", actor.instance)
@@ -176,7 +180,6 @@ class _SceneWriter:
             length, width, height = actor.asset.size
             for place, k in enumerate(near):
                 center = position[k] + (0, 0, height / 2)
-                half = yaw[k] / 2
                 self.rows["sample_annotation"].append(
                     {
                         "token": keys[place],
@@ -186,7 +189,7 @@ class _SceneWriter:
                         "attribute_tokens": [token("attribute", actor.attribute)] if actor.attribute else [],
                         "translation": center.tolist(),
                         "size": [width, length, height],
-                        "rotation": [float(np.cos(half)), 0.0, 0.0, float(np.sin(half))],
+                        "rotation": _quaternion(yaw[k]),
                         "prev": keys[place - 1] if place else "",
                         "next": keys[place + 1] if place + 1 < len(near) else "",
                         "num_lidar_pts": int(seen[k].lidar_points[index]),
@@ -225,6 +228,12 @@ class _Seen:
         nothing stops before it."""
         share = self.reached[index] / max(self.aimed[index], 1)
         return 1 + int(share > 0.4) + int(share > 0.6) + int(share > 0.8)
+
+
+def _quaternion(yaw: float) -> list[float]:
+    """(w, x, y, z), w >= 0, of a turn about z by ``yaw`` radians."""
+    half = float(wrap_angle(yaw)) / 2
+    return [math.cos(half), 0.0, 0.0, math.sin(half)]
 
 
 def class_id(asset: Asset) -> int:

@@ -1,16 +1,17 @@
 """A 77 GHz radar that reports detections: which reflectors it sees, how strong and how fast they are, and what a car makes
 of the detections. The receiver in between is :mod:`data_gen.sensors.radar_detection`."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from data_gen.mesh import Scatterers
+from data_gen.jit import jit
 from data_gen.rig import Radar
 from data_gen.scene import NOTHING, WORLD, Scene
 from data_gen.sensors.radar_detection import THRESHOLD, Array, Echoes, detect, link_budget_db
-from fusion_net.geometry import invert, transform
 
 MOVING, STATIONARY, ONCOMING = 0, 1, 2
 """The codes of nuScenes' dyn_prop that a single scan can tell; "stopped" and "crossing" need a history."""
@@ -51,71 +52,130 @@ class RadarScan:
     body: NDArray[np.int32]  # actor index, WORLD, or NOTHING for a false detection
 
 
-def detect_radar(
-    scene: Scene, radar: Radar, *, t: float, rng: np.random.Generator, ego_T_sensor: Array | None = None
-) -> RadarScan:
-    """The scan at ``t`` seconds.
+@dataclass(frozen=True)
+class Look:
+    """One firing of a radar at ``t`` seconds.
 
     ``ego_T_sensor`` (4, 4) is where the sensor truly sits, by default where ``radar`` says; the compensation of the ego's
     motion uses what ``radar`` says, as a car would that does not know better.
     """
-    believed = radar.ego_T_sensor
-    echoes = visible_echoes(scene, radar, believed if ego_T_sensor is None else ego_T_sensor, t, rng)
-    own_velocity = sensor_velocity(scene, believed, t)
-    false = false_detections(radar, own_velocity, rng)
-    return report(Echoes.concatenate(detect(echoes, radar, rng), false), radar, own_velocity)
+
+    radar: Radar
+    t: float
+    rng: np.random.Generator
+    ego_T_sensor: Array | None = None
+
+    @property
+    def mount(self) -> Array:
+        """Where the sensor truly sits."""
+        return self.radar.ego_T_sensor if self.ego_T_sensor is None else self.ego_T_sensor
 
 
-def visible_echoes(scene: Scene, radar: Radar, ego_T_sensor: Array, t: float, rng: np.random.Generator) -> Echoes:
-    """Reflectors that face the sensor, lie in its field of view and are not hidden, with their mean SNR."""
-    global_T_sensor = scene.ego.pose(t) @ ego_T_sensor
-    body, reflectors = _reflectors_near(scene, global_T_sensor[:3, 3], radar.max_range)
-    position = scene.place(body, reflectors.position, t)
-    normal = scene.place(body, reflectors.position + reflectors.normal, t) - position
-    ray = position - global_T_sensor[:3, 3]
-    distance = np.maximum(np.linalg.norm(ray, axis=1), 1e-3)
-    in_sensor = transform(invert(global_T_sensor), position)
-    # A linear array measures the angle off its own axis, which for a raised target is not quite the azimuth.
-    azimuth = np.arcsin(np.clip(in_sensor[:, 1] / distance, -1, 1))
-    snr = 10 ** ((reflectors.rcs + link_budget_db(distance, azimuth, radar, scene.condition.rain_rate)) / 10)
-    seen = (distance < radar.max_range) & (in_sensor[:, 0] > 0) & (np.abs(azimuth) <= np.radians(radar.fov_deg))
-    seen &= np.einsum("ij,ij->i", normal, ray) < GRAZING * distance
-    seen = np.flatnonzero(seen & (snr > FAINT))
-    ray, distance, snr = ray[seen], distance[seen], snr[seen]
+def detect_radar(
+    scene: Scene, radar: Radar, *, t: float, rng: np.random.Generator, ego_T_sensor: Array | None = None
+) -> RadarScan:
+    """The scan of a single :class:`Look`."""
+    return detect_radars(scene, [Look(radar, t, rng, ego_T_sensor)])[0]
 
-    hits = scene.cast(global_T_sensor[:3, 3], ray / distance[:, None], t, radar.max_range)
+
+def detect_radars(scene: Scene, looks: Sequence[Look]) -> list[RadarScan]:
+    """The scans of several looks, each as if it were alone; together they cost little more than one."""
+    scans = []
+    for look, echoes in zip(looks, visible_echoes(scene, looks), strict=True):
+        own_velocity = sensor_velocity(scene, look.radar.ego_T_sensor, look.t)
+        false = false_detections(look.radar, own_velocity, look.rng)
+        found = Echoes.concatenate([detect(echoes, look.radar, look.rng), false])
+        scans.append(report(found, look.radar, own_velocity))
+    return scans
+
+
+def visible_echoes(scene: Scene, looks: Sequence[Look]) -> list[Echoes]:
+    """For each look, the reflectors that face the sensor, lie in its field of view and are not hidden."""
+    origins, views = [], []
+    for look in looks:
+        global_T_sensor = scene.ego.pose(look.t) @ look.mount
+        origins.append(global_T_sensor[:3, 3])
+        views.append(_in_view(scene, look, global_T_sensor))
+    which, directions, distance, azimuth, snr = (np.concatenate(part) for part in zip(*views, strict=True))
+    owner = np.repeat(np.arange(len(looks)), [len(view[0]) for view in views])
+    times = np.array([look.t for look in looks])[owner]
+    hits = scene.cast(np.array(origins)[owner], directions, times, max(look.radar.max_range for look in looks))
+    bodies, reflectors = scene.reflectors
+    lucky = np.concatenate([look.rng.random(len(view[0])) for look, view in zip(looks, views, strict=True)])
     hidden = hits.distance < distance - SKIN
-    under = hidden & (hits.body > WORLD) & (rng.random(len(seen)) < UNDERBODY_SHARE)
-    echoes = Echoes(
-        distance, azimuth[seen], np.zeros(len(seen)), np.where(under, UNDERBODY_GAIN * snr, snr), body[seen]
-    )
-    reached = ~hidden | under
-    local = reflectors.position[seen[reached]]
-    return _in_motion(echoes[reached], local, scene, ego_T_sensor, t, rng)
+    under = hidden & (hits.body > WORLD) & (lucky < UNDERBODY_SHARE)
+    snr[under] *= UNDERBODY_GAIN
+    kept = np.flatnonzero(~hidden | under)
+    body, local, owner = bodies[which[kept]], reflectors.position[which[kept]], owner[kept]
+    doppler, spread = _doppler(scene, looks, owner, body, local)
+    echoes = Echoes(distance[kept], azimuth[kept], doppler, snr[kept], body.astype(np.int32))
+    ends = np.searchsorted(owner, np.arange(len(looks) + 1))
+    found = [echoes[start:end] for start, end in pairwise(ends)]
+    for look, echo, part in zip(looks, found, np.split(spread, ends[1:-1]), strict=True):
+        echo.doppler[:] += look.rng.normal(size=len(part)) * part
+    return found
 
 
-def _reflectors_near(scene: Scene, center: Array, max_range: float) -> tuple[NDArray[np.int32], Scatterers]:
-    """Body index (S,) and local reflectors of the world around ``center`` and of all actors."""
-    world = scene.world_scatterers
-    near = np.flatnonzero(((world.position - center) ** 2).sum(axis=1) < max_range**2)
-    parts = [Scatterers(world.position[near], world.normal[near], world.rcs[near])]
-    parts += [actor.asset.scatterers for actor in scene.actors]
-    bodies = np.arange(WORLD, len(scene.actors), dtype=np.int32)
-    return np.repeat(bodies, [len(part.rcs) for part in parts]), Scatterers.concatenate(parts)
+def _in_view(scene: Scene, look: Look, global_T_sensor: Array) -> tuple[Array, ...]:
+    """Index (K,), ray (K, 3), distance, azimuth and mean SNR of the reflectors that one look would see in the open."""
+    bodies, reflectors = scene.reflectors
+    position, yaw = scene.poses(look.t)
+    which, rays, distance, azimuth = _facing(
+        bodies, reflectors.position, reflectors.normal, position, np.cos(yaw), np.sin(yaw), global_T_sensor,
+        look.radar.max_range, np.radians(look.radar.fov_deg),
+    )  # fmt: skip
+    budget = link_budget_db(distance, azimuth, look.radar, scene.condition.rain_rate)
+    snr = 10 ** ((reflectors.rcs[which] + budget) / 10)
+    bright = snr > FAINT
+    return which[bright], rays[bright], distance[bright], azimuth[bright], snr[bright]
 
 
-def _in_motion(
-    echoes: Echoes, local: Array, scene: Scene, ego_T_sensor: Array, t: float, rng: np.random.Generator
-) -> Echoes:
-    """The echoes with their Doppler: d(range)/dt taken literally, so that turning bodies and lever arms are in it, and
-    the micro-motion of wheels and legs."""
-    before, after = (scene.place(echoes.body, local, t + step) for step in (-STEP, STEP))
-    speed = np.linalg.norm(after - before, axis=1) / (2 * STEP)
-    from_before, from_after = ((scene.ego.pose(t + step) @ ego_T_sensor)[:3, 3] for step in (-STEP, STEP))
-    closing = np.linalg.norm(after - from_after, axis=1) - np.linalg.norm(before - from_before, axis=1)
+@jit
+def _facing(bodies, points, normals, position, cos, sin, global_T_sensor, max_range, half_fov):
+    """Reflectors in range, in the field of view and turned to the sensor: index, unit ray, distance, azimuth.
+
+    A linear array measures the angle off its own axis, which for a raised target is not quite the azimuth.
+    """
+    which = np.empty(len(bodies), np.int64)
+    rays, distance, azimuth = np.empty((len(bodies), 3)), np.empty(len(bodies)), np.empty(len(bodies))
+    n = 0
+    for i in range(len(bodies)):
+        b = bodies[i]
+        x, y = points[i, 0], points[i, 1]
+        rays[n, 0] = position[b, 0] + cos[b] * x - sin[b] * y - global_T_sensor[0, 3]
+        rays[n, 1] = position[b, 1] + sin[b] * x + cos[b] * y - global_T_sensor[1, 3]
+        rays[n, 2] = position[b, 2] + points[i, 2] - global_T_sensor[2, 3]
+        r = np.sqrt(rays[n, 0] ** 2 + rays[n, 1] ** 2 + rays[n, 2] ** 2)
+        if r >= max_range or r < 1e-3:
+            continue
+        ahead = left = 0.0
+        for c in range(3):
+            rays[n, c] /= r
+            ahead += rays[n, c] * global_T_sensor[c, 0]
+            left += rays[n, c] * global_T_sensor[c, 1]
+        angle = np.arcsin(min(max(left, -1.0), 1.0))
+        nx, ny = cos[b] * normals[i, 0] - sin[b] * normals[i, 1], sin[b] * normals[i, 0] + cos[b] * normals[i, 1]
+        turned = nx * rays[n, 0] + ny * rays[n, 1] + normals[i, 2] * rays[n, 2]
+        if ahead > 0 and abs(angle) <= half_fov and turned < GRAZING:
+            which[n], distance[n], azimuth[n] = i, r, angle
+            n += 1
+    return which[:n], rays[:n], distance[:n], azimuth[:n]
+
+
+def _doppler(
+    scene: Scene, looks: Sequence[Look], owner: NDArray[np.int64], body: NDArray[np.int64], local: Array
+) -> tuple[Array, Array]:
+    """d(range)/dt of each echo, taken literally, so that turning bodies and lever arms are in it; and the standard
+    deviation that the micro-motion of wheels and legs adds. ``owner`` is the look's index."""
+    reach, place = [], []
+    times = np.array([look.t for look in looks])
+    for step in (-STEP, STEP):
+        sensor = np.array([(scene.ego.pose(look.t + step) @ look.mount)[:3, 3] for look in looks])
+        place.append(scene.place(body, local, times[owner] + step))
+        reach.append(np.linalg.norm(place[-1] - sensor[owner], axis=1))
+    speed = np.linalg.norm(place[1] - place[0], axis=1) / (2 * STEP)
     spread = np.where(local[:, 2] < LOW, np.minimum(MICRO_SHARE * speed, MICRO_MAX), 0.0)
-    doppler = closing / (2 * STEP) + rng.normal(size=len(speed)) * spread
-    return Echoes(echoes.range, echoes.azimuth, doppler, echoes.snr, echoes.body)
+    return (reach[1] - reach[0]) / (2 * STEP), spread
 
 
 def sensor_velocity(scene: Scene, ego_T_sensor: Array, t: float) -> Array:

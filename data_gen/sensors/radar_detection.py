@@ -1,11 +1,12 @@
 """The receiver of a 77 GHz radar: from echoes to detections by link budget, fluctuation, resolution cells and threshold."""
 
-from dataclasses import dataclass, fields
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial import cKDTree
 
+from data_gen.jit import jit
 from data_gen.rig import Radar
 from fusion_net.geometry import wrap_angle
 
@@ -35,12 +36,12 @@ class Echoes:
 
     def __getitem__(self, index) -> "Echoes":
         """The echoes at an index array or mask."""
-        return Echoes(*(getattr(self, field.name)[index] for field in fields(Echoes)))
+        return Echoes(*(column[index] for column in vars(self).values()))
 
     @staticmethod
-    def concatenate(first: "Echoes", second: "Echoes") -> "Echoes":
-        """Both, in order."""
-        return Echoes(*(np.concatenate([getattr(first, f.name), getattr(second, f.name)]) for f in fields(Echoes)))
+    def concatenate(parts: Sequence["Echoes"]) -> "Echoes":
+        """All of them, in order."""
+        return Echoes(*(np.concatenate(columns) for columns in zip(*(vars(p).values() for p in parts), strict=True)))
 
 
 def link_budget_db(distance: ArrayLike, azimuth: ArrayLike, radar: Radar, rain_rate: float = 0.0) -> Array:
@@ -90,15 +91,30 @@ def _resolution_cells(echoes: Echoes, radar: Radar) -> tuple[NDArray[np.int64], 
     An echo within one resolution in range, azimuth and Doppler of a stronger one climbs to it, and on to the peak. The
     array resolves evenly in sin(azimuth), so that its cells widen towards the sides.
     """
-    count = len(echoes.range)
     doppler = wrap_angle(echoes.doppler, 2 * radar.max_doppler)
     position = np.stack([echoes.range, np.sin(echoes.azimuth), doppler], axis=1) / _resolution(radar)
-    stronger, weaker = np.sort(cKDTree(position).query_pairs(1.0, p=np.inf, output_type="ndarray"), axis=1).T
-    parent = np.arange(count)
-    np.minimum.at(parent, weaker, stronger)
-    while not np.array_equal(parent, above := parent[parent]):
-        parent = above
-    return np.unique(parent, return_inverse=True)
+    return _climb(position)
+
+
+@jit
+def _climb(position):
+    """Indices of the peaks and the place of each point's peak among them: a point's parent is the first before it within 1
+    along every axis."""
+    peaks, cell = np.empty(len(position), np.int64), np.empty(len(position), np.int64)
+    count = 0
+    for i in range(len(position)):
+        cell[i] = -1
+        for j in range(i):
+            near = True
+            for c in range(3):
+                near &= abs(position[i, c] - position[j, c]) <= 1.0
+            if near:
+                cell[i] = cell[j]
+                break
+        if cell[i] < 0:
+            peaks[count], cell[i] = i, count
+            count += 1
+    return peaks[:count], cell
 
 
 def _measure(exact: Echoes, radar: Radar, rng: np.random.Generator) -> Echoes:

@@ -38,6 +38,7 @@ class PlanCallback(pl.Callback):
             trainer.should_stop = True
             return -1
         pl_module.enter(stage, share)
+        trainer.limit_val_batches = 1.0 if stage == "fusion" else 0  # nothing to score before there are boxes
         for group in trainer.optimizers[0].param_groups:
             group["lr"] = self.plan.learning_rate(share) * group.get("lr_scale", 1.0)
         torch.manual_seed(hash((self.seed, trainer.global_step)))

@@ -1,5 +1,7 @@
 """``python -m data_gen data=nano``: generates a data set in the nuScenes format."""
 
+from typing import Any, cast
+
 from omegaconf import DictConfig, OmegaConf
 
 from fusion_net.cli import build, command
@@ -18,7 +20,7 @@ def main(cfg: DictConfig) -> None:
         condition=build(cfg.condition, "condition"),
         seed=cfg.seed,
     )
-    settings = OmegaConf.to_container(cfg, resolve=True)
+    settings = cast(dict[str, Any], OmegaConf.to_container(cfg, resolve=True))
     manifest = generate(job, settings=settings, workers=cfg.workers)
     counts = manifest["counts"]
     print(

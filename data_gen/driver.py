@@ -5,9 +5,10 @@ import math
 import numpy as np
 from highway_env.road.regulation import RegulatedRoad
 from highway_env.road.road import LaneIndex, RoadNetwork
-from highway_env.utils import rotated_rectangles_intersect
 from highway_env.vehicle.behavior import IDMVehicle
 from highway_env.vehicle.objects import RoadObject
+
+from data_gen.footprints import overlaps
 
 
 class Streets(RegulatedRoad):
@@ -36,11 +37,7 @@ class Streets(RegulatedRoad):
         """The nearest vehicle ahead of and behind ``vehicle`` on a lane and the lanes joined to it."""
         index = lane_index or vehicle.lane_index
         joined = self.joined(index)
-        own = (
-            vehicle.s
-            if index == vehicle.lane_index
-            else self.network.get_lane(index).local_coordinates(vehicle.position)[0]
-        )
+        own = vehicle.coordinates(index)[0]
         ahead = behind = None
         nearest_ahead, nearest_behind = math.inf, -math.inf
         for other in self.vehicles:
@@ -65,23 +62,19 @@ class Streets(RegulatedRoad):
     @staticmethod
     def is_conflict_possible(v1: "Driver", v2: "Driver", horizon: int = 3, step: float = 0.25) -> bool:
         """Whether two drivers would meet at constant speed within ``horizon`` seconds."""
-        if np.abs(v1.position - v2.position).max() > 50:
+        if math.dist(v1.position, v2.position) > 60:
             return False
         (positions_1, headings_1), (positions_2, headings_2) = v1.forecast(horizon, step), v2.forecast(horizon, step)
         near = np.square(positions_1 - positions_2).sum(axis=1) < 36
-        return any(
-            rotated_rectangles_intersect(
-                (positions_1[i], 7.5, 1.8, headings_1[i]), (positions_2[i], 7.5, 1.8, headings_2[i])
-            )
-            for i in np.flatnonzero(near)
-        )
+        meet = overlaps(positions_1, headings_1, (7.5, 1.8), positions_2, headings_2, (7.5, 1.8))
+        return bool((near & meet).any())
 
 
 class Driver(IDMVehicle):
     """An IDM driver who knows its place along its lane.
 
     All parameters are set here: another environment that writes on ``IDMVehicle`` in the same process (the intersection
-    does) changes nothing. ``s`` is the longitudinal lane coordinate in metres, ``slip`` the slip angle in radians.
+    does) changes nothing. ``s`` and ``across`` are the lane coordinates in metres, ``slip`` the slip angle in radians.
     """
 
     ACC_MAX = 6.0
@@ -112,10 +105,28 @@ class Driver(IDMVehicle):
     ):
         # The base classes would search every lane for the one we know.
         lane = road.network.get_lane(index)
-        self.s, self.slip = s, 0.0
+        self.s, self.across, self.slip = s, 0.0, 0.0
         super().__init__(None, lane.position(s, 0.0), lane.heading_at(s), speed, index, target_speed, route, change)
         self.road, self.lane, self.lane_index = road, lane, index
         self._forecast: tuple[int, tuple] = (-1, ())
+
+    def act(self, action: dict | str | None = None) -> None:
+        """highway-env's decision: MOBIL across, IDM along; while changing lanes, behind the slower leader of both."""
+        target = self.road.network.get_lane(self.target_lane_index)
+        if self.coordinates(self.target_lane_index)[0] > target.length - target.VEHICLE_LENGTH / 2:
+            self.follow_road()
+        if self.enable_lane_change:
+            self.change_lane_policy()
+        leaders = [self.road.neighbour_vehicles(self, i)[0] for i in {self.lane_index, self.target_lane_index}]
+        acceleration = min(self.acceleration(self, leader) for leader in leaders)
+        self.action["steering"] = self.steering_control(self.target_lane_index)
+        self.action["acceleration"] = max(-self.ACC_MAX, min(self.ACC_MAX, acceleration))
+
+    def coordinates(self, index: LaneIndex) -> tuple[float, float]:
+        """Coordinates along and across a lane; those of its own are known."""
+        if index == self.lane_index:
+            return self.s, self.across
+        return self.road.network.get_lane(index).local_coordinates(self.position)
 
     def lane_distance_to(self, other: RoadObject, lane=None) -> float:
         """Signed distance along the lane, across the joints of lanes."""
@@ -141,7 +152,7 @@ class Driver(IDMVehicle):
     def steering_control(self, target_lane_index: LaneIndex) -> float:
         """highway-env's cascade: lateral offset to lateral speed to heading to heading rate to steering angle."""
         lane = self.road.network.get_lane(target_lane_index)
-        along, across = lane.local_coordinates(self.position)
+        along, across = self.coordinates(target_lane_index)
         speed = max(self.speed, 0.01)
         approach = math.asin(max(-1.0, min(1.0, -self.KP_LATERAL * across / speed)))
         heading = lane.heading_at(along + speed * self.TAU_PURSUIT) + max(-self.APPROACH, min(self.APPROACH, approach))
@@ -174,8 +185,8 @@ class Driver(IDMVehicle):
 
     def on_state_update(self) -> None:
         """Follow the lane; look again, on this road and the next, once outside of it."""
-        self.s, across = self.lane.local_coordinates(self.position)
-        if 0 <= self.s <= self.lane.length and abs(across) <= self.lane.width / 2:
+        self.s, self.across = self.lane.local_coordinates(self.position)
+        if 0 <= self.s <= self.lane.length and abs(self.across) <= self.lane.width / 2:
             return
         start, end, _ = self.lane_index
         graph = self.road.network.graph
@@ -186,7 +197,7 @@ class Driver(IDMVehicle):
         lanes = [self.road.network.get_lane(index) for index in indices]
         best = int(np.argmin([lane.distance_with_heading(self.position, self.heading) for lane in lanes]))
         self.lane_index, self.lane = indices[best], lanes[best]
-        self.s = self.lane.local_coordinates(self.position)[0]
+        self.s, self.across = self.lane.local_coordinates(self.position)
 
     def forecast(self, horizon: float, step: float) -> tuple[np.ndarray, np.ndarray]:
         """Positions (K, 2) and headings (K,) along the route at constant speed, worked out once a step."""

@@ -15,6 +15,7 @@ import threading
 import time
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -48,7 +49,9 @@ class DataConfig:
 
     def __post_init__(self) -> None:
         if self.num_scenes < 1 or self.keyframes < 1:
-            raise ValueError(f"data: num_scenes={self.num_scenes} and keyframes={self.keyframes} must be at least 1")
+            raise ValueError(f"num_scenes={self.num_scenes} and keyframes={self.keyframes} must be at least 1")
+        if min(self.split_weights.values(), default=0) < 0 or not any(self.split_weights.values()):
+            raise ValueError(f"split_weights {self.split_weights} are negative or all zero")
 
     def splits(self) -> list[str]:
         """The split of every scene, by smooth weighted round robin: a longer data set begins like a shorter one."""
@@ -102,6 +105,8 @@ def generate(job: Job, *, settings: dict[str, Any], workers: int | None = None) 
 
     Returns the manifest. Raises ValueError when the folder holds something else, OSError when the disk does not take it.
     """
+    if workers is not None and not (isinstance(workers, int) and workers >= 1):
+        raise ValueError(f"workers={workers} is not a number of processes: 1 or more, or null for one a core")
     root = Path(job.data.root)
     manifest = _manifest(job, settings)
     _check_folder(root, manifest)
@@ -149,6 +154,11 @@ def _make_all(job: Job, missing: list[int], splits: list[str], workers: int) -> 
                 for future in as_completed(futures):
                     future.result()
                     bar.update()
+            except BrokenProcessPool as error:
+                raise OSError(
+                    "a worker process was killed, perhaps for want of memory; finished scenes are kept, and the same"
+                    " command goes on (workers=1 takes the least memory)"
+                ) from error
             except BaseException:
                 pool.shutdown(wait=True, cancel_futures=True)
                 raise

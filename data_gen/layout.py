@@ -25,7 +25,9 @@ Array = NDArray[np.float64]
 LineKind = Literal["none", "striped", "continuous"]
 
 STEP = 0.1
-"""Seconds between records. Drivers decide and move at this rate; tracks are Hermite splines in between."""
+"""Seconds between records, at which everybody moves; tracks are Hermite splines in between."""
+DECISION = 2
+"""Steps from one decision of a driver to the next."""
 REAR_AXLE = 1.35
 """Distance in metres from the middle of the ego vehicle back to its rear axle, the origin of the ego frame."""
 MARGIN = 100.0
@@ -184,13 +186,15 @@ def _room(driver: Driver, other: Driver) -> bool:
 def _simulate(streets: Streets, *, warm_up: float, duration: float) -> Array | None:
     """States (T, N, 5) as x, y, heading, speed, slip at every STEP; None if two vehicles touch."""
     count = int(np.ceil(duration / STEP - 1e-9))
-    for _ in range(round(warm_up / STEP)):
-        streets.act()
+    for k in range(round(warm_up / STEP)):
+        if k % DECISION == 0:
+            streets.act()
         streets.step(STEP)
     states = np.empty((count + 1, len(streets.vehicles), 5))
-    for row in states:
+    for k, row in enumerate(states):
         before = [vehicle.slip for vehicle in streets.vehicles]
-        streets.act()
+        if k % DECISION == 0:
+            streets.act()
         for state, vehicle, old in zip(row, streets.vehicles, before, strict=True):
             slip = (old + vehicle.next_slip(STEP)) / 2  # a record lies between two steps
             state[:] = *vehicle.position, vehicle.heading, vehicle.speed, slip
@@ -204,14 +208,17 @@ def _track(states: Array, offset: float = 0.0) -> Track:
     """States (T, 5) of highway-env as a track of the point ``offset`` metres ahead of the vehicle's centre, y to the left.
     Velocity: speed (cos(heading + slip), sin(heading + slip)), and the turn about the centre for the offset."""
     x, y, heading, speed, slip = states.T
-    yaw, course = -np.unwrap(heading), -(np.unwrap(heading) + slip)
+    yaw: Array = -np.unwrap(heading)
+    course = yaw - slip
     ahead = np.stack([np.cos(yaw), np.sin(yaw)], axis=1)
     turn = -speed * np.sin(slip) / (Driver.LENGTH / 2)
     velocity = speed[:, None] * np.stack([np.cos(course), np.sin(course)], axis=1)
     velocity += (offset * turn)[:, None] * np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
     position = np.stack([x, -y], axis=1) + offset * ahead
     flat = np.zeros((len(states), 1))
-    return Track(np.arange(len(states)) * STEP, np.hstack([position, flat]), yaw, np.hstack([velocity, flat]))
+    return Track(
+        STEP * np.arange(len(states), dtype=float), np.hstack([position, flat]), yaw, np.hstack([velocity, flat])
+    )
 
 
 def _layout(name: str, streets: Streets, states: Array) -> Layout:
@@ -233,10 +240,8 @@ def _polylines(lane: AbstractLane, low: Array, extent: Array, spacing: float = 1
         start, stop = np.clip(middle + np.array([-1, 1]) * np.hypot(*extent), 0, lane.length)
     s = np.linspace(start, stop, max(2, int(np.ceil((stop - start) / spacing)) + 1))
     straight = isinstance(lane, StraightLane)  # these take a column of coordinates at once
-    centre = (lane.position(s[:, None], 0.0) if straight else np.array([lane.position(at, 0.0) for at in s])) * [
-        1,
-        -1,
-    ] - low
+    centre = lane.position(s[:, None], 0.0) if straight else np.array([lane.position(at, 0.0) for at in s])
+    centre = centre * [1, -1] - low
     inside = ((centre > -4) & (centre < extent + 4)).all(axis=1)
     runs = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(int))).reshape(-1, 2)
     left, right = (_LINES[kind] for kind in lane.line_types)

@@ -4,6 +4,8 @@ import numpy as np
 
 from data_gen.jit import jit
 
+_BLOCK = 32
+
 
 @jit
 def keep_nearer(
@@ -70,44 +72,55 @@ def into_bodies(origins, directions, rays, which, position, cos, sin, bounds):
 
 @jit
 def passing(origins, directions, center, radius, max_range):
-    """Pairs (sphere, ray), sorted by sphere, of rays that pass a sphere in front of them."""
+    """Pairs (sphere, ray), sorted by sphere, of rays that pass a sphere in front of them.
+
+    A block of rays that follow each other, as neighbours in a picture do, is first held against the sphere as one cone.
+    """
+    base, axis, sine, spread = _cones(origins, directions)
     which = np.empty(len(center) * len(directions), np.int32)
     rays = np.empty(len(which), np.int32)
     count = 0
     for k in range(len(center)):
         cx, cy, cz, r = center[k, 0], center[k, 1], center[k, 2], radius[k]
-        for i in range(len(directions)):
-            x, y, z = cx - origins[i, 0], cy - origins[i, 1], cz - origins[i, 2]
-            along = x * directions[i, 0] + y * directions[i, 1] + z * directions[i, 2]
-            if x * x + y * y + z * z - along * along < r * r and -r < along < max_range + r:
-                which[count], rays[count] = k, i
-                count += 1
+        for b in range(len(sine)):
+            x, y, z = cx - base[b, 0], cy - base[b, 1], cz - base[b, 2]
+            along = x * axis[b, 0] + y * axis[b, 1] + z * axis[b, 2]
+            square = x * x + y * y + z * z
+            distance = np.sqrt(square)
+            reach = distance * sine[b] + r + spread[b]  # sin(a + b) <= sin(a) + sin(b)
+            if reach < distance and (along < 0 or square - along * along > reach * reach):
+                continue
+            for i in range(b * _BLOCK, min((b + 1) * _BLOCK, len(directions))):
+                x, y, z = cx - origins[i, 0], cy - origins[i, 1], cz - origins[i, 2]
+                along = x * directions[i, 0] + y * directions[i, 1] + z * directions[i, 2]
+                if x * x + y * y + z * z - along * along < r * r and -r < along < max_range + r:
+                    which[count], rays[count] = k, i
+                    count += 1
     return which[:count].copy(), rays[:count].copy()
 
 
-def in_cone(origins, directions, center, radius, max_range):
-    """Which spheres the cone around all rays may touch."""
-    base, axis, opening, spread = _cone(origins, directions)
-    offset = center - base
-    distance = np.maximum(np.linalg.norm(offset, axis=1), 1e-6)
-    reach = radius + spread
-    angle = np.arccos(np.clip(offset @ axis / distance, -1.0, 1.0)) - np.arcsin(np.minimum(reach / distance, 1.0))
-    return (distance < max_range + reach) & ((angle <= opening + 1e-3) | (distance <= reach))
-
-
 @jit
-def _cone(origins, directions):
-    """Mean origin (3,), mean direction (3,), and the largest angle and distance of any ray from them."""
-    base, axis = np.zeros(3), np.zeros(3)
-    for i in range(len(directions)):
-        for c in range(3):
-            base[c] += origins[i, c]
-            axis[c] += directions[i, c]
-    base /= len(directions)
-    axis /= max(np.sqrt((axis**2).sum()), 1e-6)
-    cosine, spread = 1.0, 0.0
-    for i in range(len(directions)):
-        cosine = min(cosine, directions[i, 0] * axis[0] + directions[i, 1] * axis[1] + directions[i, 2] * axis[2])
-        x, y, z = origins[i, 0] - base[0], origins[i, 1] - base[1], origins[i, 2] - base[2]
-        spread = max(spread, x * x + y * y + z * z)
-    return base, axis, np.arccos(max(cosine, -1.0)), np.sqrt(spread)
+def _cones(origins, directions):
+    """Of each block of rays: mean origin (B, 3), mean direction (B, 3), the sine of the largest angle from it and the largest
+    distance from the mean origin, both a little on the safe side."""
+    blocks = (len(directions) + _BLOCK - 1) // _BLOCK
+    base, axis = np.zeros((blocks, 3), np.float32), np.zeros((blocks, 3), np.float32)
+    sine, spread = np.empty(blocks, np.float32), np.empty(blocks, np.float32)
+    for b in range(blocks):
+        start, stop = b * _BLOCK, min((b + 1) * _BLOCK, len(directions))
+        for i in range(start, stop):
+            for c in range(3):
+                base[b, c] += origins[i, c] / np.float32(stop - start)
+                axis[b, c] += directions[i, c]
+        length = np.sqrt(axis[b, 0] ** 2 + axis[b, 1] ** 2 + axis[b, 2] ** 2)
+        axis[b] /= max(length, np.float32(1e-6))
+        cosine, far = np.float32(1.0), np.float32(0.0)
+        for i in range(start, stop):
+            ahead, square = np.float32(0.0), np.float32(0.0)
+            for c in range(3):
+                ahead += directions[i, c] * axis[b, c]
+                square += (origins[i, c] - base[b, c]) ** 2
+            cosine, far = min(cosine, ahead), max(far, square)
+        sine[b] = min(np.sqrt(1 - cosine * cosine) + 1e-3, 1.0) if cosine > 0 else 1.0
+        spread[b] = np.sqrt(far) + 1e-3
+    return base, axis, sine, spread

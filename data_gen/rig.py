@@ -48,6 +48,8 @@ class Camera(Mount):
     principal: list[float] | None = None
 
     def __post_init__(self) -> None:
+        if self.width < 1 or self.height < 1:
+            raise ValueError(f"rig: an image of width={self.width} and height={self.height} has no pixels")
         if not 1 < self.hfov_deg < 170:
             raise ValueError(f"rig: hfov_deg={self.hfov_deg} is not within (1, 170)")
 

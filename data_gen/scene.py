@@ -8,6 +8,7 @@ It also yields, at no cost, which bodies a ray would have met had nothing stood 
 import weakref
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from embreex.mesh_construction import TriangleMesh
@@ -17,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from data_gen.conditions import Condition
 from data_gen.ground import GroundMap
 from data_gen.mesh import Asset, Mesh, Scatterers, Surface
-from data_gen.ray_kernels import finish, in_cone, into_bodies, keep_nearer, passing
+from data_gen.ray_kernels import finish, into_bodies, keep_nearer, passing
 from data_gen.track import Track, TrackBundle
 
 WORLD = -1
@@ -188,10 +189,9 @@ class Scene:
         slack = half_span * 1.5 * np.linalg.norm(velocity, axis=1) + (0.2 if half_span else 0.0)
         center = position + _rotate(self._sphere_center, np.cos(yaw), np.sin(yaw))
         radius = self._sphere_radius + slack
-        actors = np.flatnonzero(in_cone(origins, directions, center, radius, max_range))
-        center, radius = center[actors].astype(np.float32), radius[actors].astype(np.float32)
-        which, rays = passing(origins, directions, center, radius, np.float32(max_range))
-        which = actors[which]
+        which, rays = passing(
+            origins, directions, center.astype(np.float32), radius.astype(np.float32), np.float32(max_range)
+        )
         if times.ndim:
             position, yaw, _ = self._tracks.at(times[rays], which)
         position, cos, sin = (a.astype(np.float32) for a in (position, np.cos(yaw), np.sin(yaw)))
@@ -199,8 +199,7 @@ class Scene:
             position, cos, sin = position[which], cos[which], sin[which]
         kept, moved_o, moved_d = into_bodies(origins, directions, rays, which, position, cos, sin, self._bounds)
         which, rays, cos, sin = which[kept], rays[kept], cos[kept], sin[kept]
-        starts, ends = np.searchsorted(which, actors, side="left"), np.searchsorted(which, actors, side="right")
-        for index, start, end in zip(actors.tolist(), starts, ends, strict=True):
+        for index, (start, end) in enumerate(pairwise(np.searchsorted(which, np.arange(len(self.actors) + 1)))):
             if start < end:
                 part = slice(start, end)
                 yield index, self.actors[index], rays[part], moved_o[part], moved_d[part], cos[part], sin[part]

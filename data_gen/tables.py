@@ -37,7 +37,9 @@ def _fixed_tables(dataset: str, rig: Rig) -> dict[str, list[dict[str, Any]]]:
     """Tables that no scene changes: names, sensors, calibration."""
     modality = {c: "camera" if c in rig.cameras else "lidar" if c in rig.lidars else "radar" for c in rig.sensors}
     return {
-        "category": [{"token": token("category", c), "name": c, "description": ""} for c in (*CATEGORY_TO_CLASS, DECOY)],
+        "category": [
+            {"token": token("category", c), "name": c, "description": ""} for c in (*CATEGORY_TO_CLASS, DECOY)
+        ],
         "attribute": [{"token": token("attribute", a), "name": a, "description": ""} for a in ATTRIBUTES],
         "visibility": [
             {

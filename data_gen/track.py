@@ -67,7 +67,7 @@ class TrackBundle:
 
 
 def _at(records: Track, first: NDArray, last: NDArray, t: Array, which: NDArray) -> tuple[Array, Array, Array]:
-    flat = _sample(*vars(records).values(), first, last, t.ravel(), which.ravel())
+    flat = _sample(*vars(records).values(), first, last, t.flatten(), which.flatten())  # not views: whole, writable
     return flat[0].reshape(*t.shape, 3), flat[1].reshape(t.shape), flat[2].reshape(*t.shape, 3)
 
 

@@ -7,6 +7,7 @@ record file when all of it is on disk: a scene is there or it is not, whoever wr
 import hashlib
 import json
 import math
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,6 @@ from data_gen.sensors.camera import CameraFrame
 from data_gen.sensors.lidar import LidarSweep
 from data_gen.sensors.radar import RadarScan
 from fusion_net.boxes import CATEGORY_TO_CLASS, CLASSES
-from fusion_net.geometry import wrap_angle
 
 Row = dict[str, Any]
 
@@ -98,8 +98,11 @@ class _SceneWriter:
 
     def _log_and_map(self) -> None:
         filename = f"maps/{self.log}.png"
-        mask = cv2.flip(self.scene.ground.drivable.view(np.uint8), 0)  # image rows run down, y runs up
-        _write_image(self.root / filename, mask * 255, [cv2.IMWRITE_PNG_BILEVEL, 1, cv2.IMWRITE_PNG_COMPRESSION, 1])
+        mask = self.scene.ground.drivable.view(np.uint8)
+        cv2.flip(mask, 0, mask)  # image rows run down, y runs up
+        _write_image(
+            self.root / filename, mask * np.uint8(255), [cv2.IMWRITE_PNG_BILEVEL, 1, cv2.IMWRITE_PNG_COMPRESSION, 1]
+        )
         self.rows["log"].append(
             {"token": token(self.log), "logfile": self.log, "vehicle": self.rig.name, "date_captured": "2026-01-01",
              "location": self.layout}
@@ -123,7 +126,7 @@ class _SceneWriter:
             {
                 "token": key,
                 "timestamp": stamp,
-                "rotation": _quaternion(yaw),
+                "rotation": _quaternion(float(yaw)),
                 "translation": position.tolist(),
             }
         )
@@ -161,7 +164,7 @@ class _SceneWriter:
         for row in self.rows["sample_data"]:
             channels.setdefault(row["calibrated_sensor_token"], []).append(row)
         for rows in channels.values():
-            for before, after in zip(rows, rows[1:], strict=False):
+            for before, after in pairwise(rows):
                 before["next"], after["prev"] = after["token"], before["token"]
 
     def _annotations(self, times: np.ndarray, samples: list[str], seen: list["_Seen"]) -> None:
@@ -199,14 +202,9 @@ class _SceneWriter:
                     }
                 )
             self.rows["instance"].append(
-                {
-                    "token": instance,
-                    "category_token": token("category", category),
-                    "nbr_annotations": len(near),
-                    "first_annotation_token": keys[0],
-                    "last_annotation_token": keys[-1],
-                }
-            )
+                {"token": instance, "category_token": token("category", category), "nbr_annotations": len(near),
+                 "first_annotation_token": keys[0], "last_annotation_token": keys[-1]}
+            )  # fmt: skip
 
 
 class _Seen:
@@ -232,7 +230,7 @@ class _Seen:
 
 def _quaternion(yaw: float) -> list[float]:
     """(w, x, y, z), w >= 0, of a turn about z by ``yaw`` radians."""
-    half = float(wrap_angle(yaw)) / 2
+    half = math.remainder(yaw, math.tau) / 2
     return [math.cos(half), 0.0, 0.0, math.sin(half)]
 
 

@@ -12,13 +12,14 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+from beartype.roar import BeartypeCallHintViolation
 from hydra import compose, initialize_config_dir
 from hydra import main as hydra_main
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import HydraException, InstantiationException
 from hydra.utils import instantiate
 from omegaconf import DictConfig, OmegaConf
-from omegaconf.errors import OmegaConfBaseException
+from omegaconf.errors import MissingMandatoryValue, OmegaConfBaseException
 
 CONFIGS = Path(__file__).resolve().parents[1] / "configs"
 
@@ -56,9 +57,10 @@ class _Guard:
     def __call__(self, function: Callable[[DictConfig], Any], cfg: DictConfig) -> Any:
         try:
             return function(cfg)
-        except KeyboardInterrupt:
-            _stop("interrupted; what was written is kept, and the same command goes on from there", code=130)
-        except (ValueError, OSError, HydraException, OmegaConfBaseException) as error:
+        except KeyboardInterrupt as interruption:
+            advice = str(interruption) or "what was written is kept, and the same command goes on from there"
+            _stop(f"interrupted; {advice}", code=130)
+        except (ValueError, OSError, HydraException, OmegaConfBaseException, BeartypeCallHintViolation) as error:
             if self.is_sweep:
                 raise
             _stop(one_line(error), code=1)
@@ -91,14 +93,44 @@ def check_overrides(config_name: str, argv: list[str]) -> None:
             raise UserError(f"{key}={value} is not a file name; there are {', '.join(groups[key])}")
     with initialize_config_dir(str(CONFIGS), version_base="1.3"):
         try:
-            known = set(_keys(compose(config_name, overrides=chosen)))
+            composed = compose(config_name, overrides=chosen)
+            known = set(_keys(composed))
         except HydraException as error:
             raise UserError(str(error).splitlines()[0]) from error
     for override in overrides:
         key = override.key_or_group
-        if override.is_add() or key in groups or key in known or key.startswith("hydra."):
+        if override.is_add() or key in groups or key.startswith("hydra."):
             continue
-        raise UserError(f"unknown override '{key}'; {_nearest(key, sorted(known | set(groups)))}")
+        if key not in known:
+            raise UserError(f"unknown override '{key}'; {_nearest(key, sorted(known | set(groups)))}")
+        if not override.is_delete() and not override.is_sweep_override():
+            _check_type(key, override.value(), _raw(composed, key))
+
+
+def _check_type(key: str, value: Any, default: Any) -> None:
+    """A value must be of its default's kind. Nothing is known where that is null, a reference or a mapping."""
+    if isinstance(default, str) and ("${" in default or default == "???"):
+        return
+    text, old = f"{key}={'null' if value is None else value}", "false" if default is False else "true"
+    if isinstance(default, bool):
+        if not isinstance(value, bool):
+            raise UserError(f"{text} is not true or false; the default is {old}")
+    elif isinstance(default, int | float):
+        kinds, name = (int, "whole number") if isinstance(default, int) else (int | float, "number")
+        if not isinstance(value, kinds) or isinstance(value, bool):
+            raise UserError(f"{text} is not a {name}; the default is {default}")
+    elif isinstance(default, list) and not isinstance(value, list):
+        raise UserError(f"{text} is not a list; write '{key}=[{value}]'")
+    elif isinstance(default, str) and (value is None or isinstance(value, list | dict)):
+        raise UserError(f"{text} is not a name; the default is {default}")
+
+
+def _raw(cfg: DictConfig, key: str) -> Any:
+    """The value at a dotted key with references left as they are written."""
+    value: Any = OmegaConf.to_container(cfg, resolve=False)
+    for part in key.split("."):
+        value = value[part]
+    return value
 
 
 def build(node: Any, where: str, **arguments: Any) -> Any:
@@ -114,11 +146,20 @@ def one_line(error: BaseException) -> str:
     """The message of an exception in one line, without Hydra's and beartype's wrapping."""
     if isinstance(error, InstantiationException) and error.__cause__ is not None:
         return one_line(error.__cause__)
-    text = re.sub(r"\x1b\[[0-9;]*m", "", " ".join(str(error).split()))
+    if isinstance(error, MissingMandatoryValue):
+        key = str(error.full_key or "a value")  # type: ignore[attr-defined]
+        return f"{key} is needed; write {key}=VALUE"
+    inner = re.search(r"Original Traceback.*^\w+: (.*)", str(error), re.DOTALL | re.MULTILINE)  # of a loader's process
+    text = re.sub(r"\x1b\[[0-9;]*m", "", " ".join((inner.group(1) if inner else str(error)).split()))
     violated = re.search(r"parameter (\w+)=(.*?) violates type hint (.*?), as", text)
     if violated:
+        name, value = violated.group(1), violated.group(2).strip("'")
         hint = re.sub(r"<class '(\w+)'>", r"\1", violated.group(3))
-        return f"{violated.group(1)}={violated.group(2)} is not of type {hint}"
+        if "Literal[" in hint:
+            choices = re.findall("'(.*?)'", hint)
+            return f"there is no {name}={value}; {_nearest(value, choices)}"
+        is_whole = hint == "float" and re.fullmatch("-?[0-9]+", value)
+        return f"{name}={violated.group(2)} is not of type {hint}" + (f"; write {value}.0" if is_whole else "")
     return text or type(error).__name__
 
 

@@ -5,6 +5,7 @@ import os
 import platform
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,13 +13,17 @@ import torch
 from omegaconf import DictConfig, OmegaConf
 
 
-def open_run(folder: Path, cfg: DictConfig, *, resume: bool, overwrite: bool) -> Path:
-    """Creates ``folder`` with config.yaml and env.json. ValueError when it exists and neither flag is set."""
+def open_run(folder: Path, cfg: DictConfig, *, resume: bool, overwrite: bool, data: Sequence[str] = ()) -> Path:
+    """Creates ``folder`` with config.yaml and env.json. ValueError when it exists and neither flag is set.
+
+    ``data``: fingerprints of the data sets that the run is trained on.
+    """
     checkpoint = folder / "checkpoints" / "last.ckpt"
     if resume:
         if not checkpoint.exists():
             raise ValueError(f"nothing to resume: {checkpoint} does not exist; drop resume=true to start {folder.name}")
         _refuse_other_model(folder, cfg)
+        refuse_other_data(folder, data)
     elif (folder / "config.yaml").exists() and not overwrite:
         raise ValueError(
             f"{folder} exists; pass name=ANOTHER, resume=true to go on, or overwrite=true to start it again"
@@ -28,8 +33,20 @@ def open_run(folder: Path, cfg: DictConfig, *, resume: bool, overwrite: bool) ->
             (folder / old).unlink(missing_ok=True)
     (folder / "checkpoints").mkdir(parents=True, exist_ok=True)
     OmegaConf.save(cfg, folder / "config.yaml", resolve=True)
-    (folder / "env.json").write_text(json.dumps(environment(), indent=1) + "\n")
+    (folder / "env.json").write_text(json.dumps(environment() | {"data": list(data)}, indent=1) + "\n")
     return folder
+
+
+def refuse_other_data(folder: Path, data: Sequence[str]) -> None:
+    """ValueError when the run was trained on data of other settings than those with these fingerprints."""
+    path = folder / "env.json"
+    trained = json.loads(path.read_text()).get("data", []) if path.exists() else []
+    if trained and trained != list(data):
+        hashes = [", ".join(each[:12] or "none" for each in both) for both in (trained, data)]
+        raise ValueError(
+            f"the data is no longer that which {folder} was trained on (manifest {hashes[0]}, now {hashes[1]});"
+            " generate it again with the same settings, or score other data with eval.py data.root=DIR"
+        )
 
 
 def load_config(folder: Path) -> DictConfig:
@@ -46,15 +63,34 @@ def load_config(folder: Path) -> DictConfig:
 
 def load_weights(model: torch.nn.Module, checkpoint: Path) -> None:
     """Loads a checkpoint's model into ``model``. ValueError when it belongs to another model or is damaged."""
+    _fit_weights(model, read_checkpoint(checkpoint), checkpoint)
+
+
+def resume_step(model: torch.nn.Module, checkpoint: Path) -> int:
+    """The step that a checkpoint was written at. ValueError when it belongs to another model or is damaged."""
+    state = read_checkpoint(checkpoint)
+    _fit_weights(model, state, checkpoint)
+    return int(state["global_step"])
+
+
+def read_checkpoint(checkpoint: Path) -> dict[str, Any]:
+    """What Lightning wrote. FileNotFoundError or ValueError when it is missing or damaged."""
     if not checkpoint.exists():
         others = sorted(p.name for p in checkpoint.parent.glob("*.ckpt"))
-        raise FileNotFoundError(f"no checkpoint {checkpoint}; there are {', '.join(others) or 'none'}")
+        known = f"there are {', '.join(others)}: pass checkpoint={Path(others[0]).stem}" if others else "there are none"
+        raise FileNotFoundError(f"no checkpoint {checkpoint}; {known}")
     try:
-        state = torch.load(checkpoint, map_location="cpu", weights_only=True)["state_dict"]
+        state = torch.load(checkpoint, map_location="cpu", weights_only=True)
+        state["state_dict"].keys()
+        return state
     except Exception as error:  # torch raises many kinds for a truncated or foreign file
         raise ValueError(
             f"{checkpoint} is not a readable checkpoint ({type(error).__name__}); train the run again"
         ) from error
+
+
+def _fit_weights(model: torch.nn.Module, checkpoint_state: dict[str, Any], checkpoint: Path) -> None:
+    state = checkpoint_state["state_dict"]
     weights = {key.removeprefix("model."): value for key, value in state.items() if key.startswith("model.")}
     own = model.state_dict()
     wrong = [k for k in own if k not in weights or weights[k].shape != own[k].shape] + [

@@ -17,7 +17,7 @@ from data_gen.sensors.rendering import Renderer, View
 
 _SUBPIXEL = np.array([[1, 3], [3, -1], [-1, -3], [-3, 1]]) / 8
 """Offsets from a pixel's centre (right, down) of the extra rays of an edge pixel: a rotated grid."""
-_EDGE_SHARE = 0.12
+_EDGE_SHARE = 0.07
 """At most this share of the pixels is looked at closer."""
 
 

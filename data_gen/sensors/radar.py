@@ -23,7 +23,7 @@ SKIN = 0.5
 """Metres that a reflector may lie behind the surface of its own body."""
 FAINT = 2.0
 """Mean SNR under which a reflection is not followed up: it alone is detected once in a hundred scans."""
-UNDERBODY_SHARE, UNDERBODY_GAIN = 0.2, 0.1
+UNDERBODY_SHARE, UNDERBODY_GAIN = 0.05, 0.1
 """Of the reflectors that an actor hides, the share that is reached over the road under its body, and at what power."""
 LOW, MICRO_SHARE, MICRO_MAX = 0.6, 0.1, 0.3
 """Reflectors on wheels and legs, lower than this (m), spread in Doppler by a share of the speed, at most so many m/s."""

@@ -20,7 +20,7 @@ SNR_REF_DB, RCS_REF_DB = 21.1, 10.0
 """A 10 dBsm Swerling-1 target at max_range on the boresight is detected with probability 0.9: SNR = ln Pfa / ln Pd - 1."""
 EDGE_DB = 6.0
 """Two-way loss of the antenna at the edge of its field of view."""
-NOISE_FLOOR = np.array([0.05, 0.10, 0.05])
+NOISE_FLOOR = np.array([0.05, 0.30, 0.05])
 """Least standard deviation of range, azimuth and Doppler as a share of the resolution cell, however strong the echo."""
 
 
@@ -67,7 +67,7 @@ def detect(echoes: Echoes, radar: Radar, rng: np.random.Generator) -> Echoes:
     peak, cell = _resolution_cells(echoes, radar)
 
     def total(weight: Array) -> Array:
-        return np.bincount(cell, weight, len(peak))
+        return np.bincount(cell, weight, len(peak)).astype(float, copy=False)
 
     noise = _complex_normal(rng, len(peak))
     power = np.abs(total(amplitude.real) + 1j * total(amplitude.imag) + noise) ** 2

@@ -13,7 +13,7 @@ from torch.utils.data import DataLoader, Dataset, Sampler
 from fusion_net.bev_grid import BEVGrid
 from fusion_net.data.augment import Augment
 from fusion_net.data.nuscenes import NuScenes, split_of
-from fusion_net.data.samples import Sample, SampleReader
+from fusion_net.data.samples import Sample, SampleReader, labelled_boxes
 from fusion_net.data.targets import center_targets
 from fusion_net.structures import Batch
 
@@ -58,6 +58,17 @@ class NuScenesDataset(Dataset):
         if self.augment is not None:
             sample = self.augment(sample, np.random.default_rng([self.seed, epoch, place]))
         return replace(sample, boxes=sample.boxes[self.grid.contains(sample.boxes.center)])
+
+    @property
+    def fingerprint(self) -> list[str]:
+        """Of each tree, the hash of the settings that it was generated with."""
+        return [tree.fingerprint for tree in self.trees]
+
+    def has_labels(self) -> bool:
+        """Whether any sample has a labelled object on the grid."""
+        return any(
+            self.grid.contains(labelled_boxes(tree, token, self.classes).center).any() for tree, token in self.index
+        )
 
     @property
     def classes(self) -> list[str]:
@@ -106,16 +117,23 @@ class EpochSampler(Sampler[tuple[int, int]]):
 
     def __init__(self, length: int, *, shuffle: bool, seed: int = 0) -> None:
         self.length, self.shuffle, self.seed, self.epoch = length, shuffle, seed, 0
+        self.seen = 0
 
     def set_epoch(self, epoch: int) -> None:
         """Which epoch comes next."""
         self.epoch = epoch
 
+    def go_on(self, epoch: int, seen: int) -> None:
+        """Begins in an epoch of which an interrupted run saw the first ``seen`` places. (Loader processes fetch batches
+        before Lightning calls ``set_epoch``, and it does not skip those that were seen.)"""
+        self.epoch, self.seen = epoch, seen
+
     def __iter__(self) -> Iterator[tuple[int, int]]:
         order = np.arange(self.length)
         if self.shuffle:
             np.random.default_rng([self.seed, self.epoch]).shuffle(order)
-        return ((self.epoch, place) for place in order.tolist())
+        first, self.seen = self.seen, 0
+        return iter([(self.epoch, place) for place in order[first:].tolist()])
 
     def __len__(self) -> int:
         return self.length

@@ -16,10 +16,21 @@ from scipy.spatial.transform import Rotation
 
 from fusion_net.data.annotations import Annotations, AnnotationTable
 
-TABLES = (
-    "category", "attribute", "instance", "sensor", "calibrated_sensor", "ego_pose", "scene", "sample", "sample_data",
-    "sample_annotation",
-)  # fmt: skip
+FIELDS = {
+    "category": {"name"}, "attribute": {"name"}, "instance": {"category_token"}, "sensor": {"channel", "modality"},
+    "calibrated_sensor": {"sensor_token", "translation", "rotation", "camera_intrinsic"},
+    "ego_pose": {"translation", "rotation"}, "scene": {"name", "first_sample_token"},
+    "sample": {"timestamp", "scene_token", "next"},
+    "sample_data": {
+        "sample_token", "ego_pose_token", "calibrated_sensor_token", "filename", "timestamp", "is_key_frame", "prev",
+    },
+    "sample_annotation": {
+        "sample_token", "instance_token", "visibility_token", "attribute_tokens", "translation", "size", "rotation",
+        "prev", "next", "num_lidar_pts", "num_radar_pts",
+    },
+}  # fmt: skip
+"""The tables that are read, and what a record of each must have."""
+TABLES = tuple(FIELDS)
 REFERENCE = "LIDAR_TOP"
 """The channel whose keyframe gives a sample its reference time and ego pose."""
 Record = dict[str, Any]
@@ -42,6 +53,12 @@ class NuScenes:
             if record["is_key_frame"] and record["sample_token"] in self.keyframes:
                 self.keyframes[record["sample_token"]][self.channel(record)] = record
         self._poses, self._mounts = _transforms(self.tables["ego_pose"]), _transforms(self.tables["calibrated_sensor"])
+
+    @property
+    def fingerprint(self) -> str:
+        """Hash of the settings that the tree was generated with; "" for a real one."""
+        manifest = self.root / "manifest.json"
+        return _load_json(manifest).get("hash", "") if manifest.exists() else ""
 
     def get(self, table: str, token: str) -> Record:
         """One record by token."""
@@ -187,9 +204,14 @@ def _transforms(table: dict[str, Record]) -> dict[str, NDArray[np.float64]]:
 
 def _load_table(path: Path) -> dict[str, Record]:
     try:
-        return {record["token"]: record for record in _load_json(path)}
+        table = {record["token"]: record for record in _load_json(path)}
     except (TypeError, KeyError):
         raise ValueError(f"{path} is not a nuScenes table: a list of records with a token each") from None
+    fields = FIELDS[path.stem]
+    for token, record in table.items():
+        if not fields <= record.keys():
+            raise ValueError(f"{path}: the record {token!r} has no {', '.join(sorted(fields - record.keys()))}")
+    return table
 
 
 def _load_json(path: Path) -> Any:

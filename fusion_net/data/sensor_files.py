@@ -51,7 +51,7 @@ def read_radar(path: Path, *, default_filter: bool = False) -> NDArray[np.void]:
     if len(body) < count * dtype.itemsize:
         raise ValueError(f"{path} is cut short: {len(body)} bytes for {count} detections of {dtype.itemsize}")
     detections = np.frombuffer(body, dtype, count)
-    keep = np.isfinite(detections["x"]) & np.isfinite(detections["y"])
+    keep = np.isfinite([detections[name] for name in ("x", "y", "z", "rcs", "vx_comp", "vy_comp")]).all(axis=0)
     for field, allowed in _DEFAULT_FILTER.items() if default_filter else ():
         keep &= np.isin(detections[field], allowed)
     return detections[keep]

@@ -9,12 +9,14 @@ from omegaconf import DictConfig
 
 from fusion_net.cli import build
 from fusion_net.data.datamodule import NuScenesDataset, make_loader
+from fusion_net.evaluation.decoys import audit_decoys
 from fusion_net.evaluation.drop_table import drop_table
 from fusion_net.evaluation.scoring import ground_truth
 from fusion_net.metrics.results import write_results
+from fusion_net.reports import decoys
 from fusion_net.reports.plots import plot_drop_table
 from fusion_net.reports.tables import as_text, document, write_drop_table
-from fusion_net.run_dir import environment, load_config, load_weights
+from fusion_net.run_dir import environment, load_config, load_weights, refuse_other_data
 from fusion_net.training.precision import autocast
 from fusion_net.viz.picture_sheet import picture_sheet
 
@@ -30,7 +32,10 @@ def load_run(
     reader.root, reader.split, reader.cache = cfg.data.root, split, False
     model = build(cfg.model, "model")
     load_weights(model, folder / "checkpoints" / f"{checkpoint}.ckpt")
-    return model.eval(), build(reader, "reader"), cfg
+    dataset = build(reader, "reader")
+    if root is None:
+        refuse_other_data(folder, dataset.fingerprint)
+    return model.eval(), dataset, cfg
 
 
 def evaluate_run(cfg: DictConfig) -> None:
@@ -55,11 +60,23 @@ def evaluate_run(cfg: DictConfig) -> None:
         command=surroundings["command"],
         git=surroundings["git"],
     )
+    audit = audit_decoys(truth, dataset.index, table.tables)
+    if audit:
+        doc["decoys"] = audit
     target = folder / "eval"
     write_drop_table(target, doc)
+    decoys.write(target, audit)
     (target / "env.json").write_text(json.dumps(surroundings, indent=1) + "\n")
     write_results(target / "results_nusc.json", table.tables[0], tokens=truth.tokens, classes=dataset.classes)
     plot_drop_table(target / "drop_table.png", doc)
     picture_sheet(target / "pictures.png", dataset, table.found[0])
     print(as_text(doc))
-    print(f"\nwrote {target}/: drop_table.{{json,csv,md,png}}, results_nusc.json, pictures.png", file=sys.stderr)
+    if audit:
+        print(f"\n{decoys.as_text(audit)}")
+    files = [
+        "drop_table.{json,csv,md,png}",
+        "results_nusc.json",
+        "pictures.png",
+        *(["decoys.{csv,md}"] if audit else []),
+    ]
+    print(f"\nwrote {target}/: {', '.join(files)}", file=sys.stderr)

@@ -59,7 +59,7 @@ class FusionNet(nn.Module):
         present = (batch.present if present is None else present)[:, self.columns]
         bev, camera = {}, None
         for i, (name, encoder) in enumerate(self.encoders.items()):
-            if not self.training and not present[:, i].any():  # the time saved is part of the drop table
+            if not present[:, i].any():  # the time saved is part of the drop table
                 bev[name] = torch.zeros(batch.size, self.fuser.channels[name], *self.grid.shape, device=present.device)
             elif name == "camera":
                 bev[name], camera = encoder(batch)

@@ -46,13 +46,13 @@ def name_of(sensors: Sequence[str]) -> str:
 
 def as_text(doc: dict[str, Any]) -> str:
     """Both tables aligned for a terminal, with what the figures mean below."""
-    return "\n".join([_title(doc), "", *_aligned(_scores(doc)), "", *_aligned(_classes(doc)), "", *doc["notes"]])
+    return "\n".join([_title(doc), "", *aligned(_scores(doc)), "", *aligned(_classes(doc)), "", *doc["notes"]])
 
 
 def as_markdown(doc: dict[str, Any]) -> str:
     """Both tables for a README."""
     notes = [f"* {note}" for note in doc["notes"]]
-    return "\n".join([_title(doc), "", *_piped(_scores(doc)), "", *_piped(_classes(doc)), "", *notes]) + "\n"
+    return "\n".join([_title(doc), "", *piped(_scores(doc)), "", *piped(_classes(doc)), "", *notes]) + "\n"
 
 
 def as_csv(doc: dict[str, Any]) -> str:
@@ -79,14 +79,14 @@ def _scores(doc: dict[str, Any]) -> list[list[str]]:
     return [head] + [
         [
             name_of(row["sensors"]),
-            _number(row["mAP"]),
+            number(row["mAP"]),
             _interval(row["mAP_ci95"]),
             "" if row is doc["rows"][0] else f"{row['delta_mAP']:+.3f}",
             "" if row is doc["rows"][0] else _interval(row["delta_mAP_ci95"]),
-            _number(row["NDS"]),
-            *(_number(row[name]) for name in TP_ERRORS),
-            _number(row["mAP_official"]),
-            _number(row["NDS_official"]),
+            number(row["NDS"]),
+            *(number(row[name]) for name in TP_ERRORS),
+            number(row["mAP_official"]),
+            number(row["NDS_official"]),
             f"{row['ms_per_sample']:.1f}" if row["sensors"] else "",
         ]
         for row in _all_rows(doc)
@@ -97,7 +97,7 @@ def _classes(doc: dict[str, Any]) -> list[list[str]]:
     """AP by class, and how many labels each figure rests on."""
     num_gt = doc["rows"][0]["num_gt"]
     head = ["AP", *(SHORT.get(name, name) for name in num_gt)]
-    rows = [[name_of(row["sensors"]), *(_number(value) for value in row["AP"].values())] for row in _all_rows(doc)]
+    rows = [[name_of(row["sensors"]), *(number(value) for value in row["AP"].values())] for row in _all_rows(doc)]
     return [head, *rows, ["labels", *(str(count) for count in num_gt.values())]]
 
 
@@ -113,7 +113,8 @@ def _flat(row: Row) -> Row:
     return flat
 
 
-def _number(value: float | None) -> str:
+def number(value: float | None) -> str:
+    """Three decimals, a dash for what is not known."""
     return "-" if value is None else f"{value:.3f}"
 
 
@@ -121,7 +122,8 @@ def _interval(ends: Sequence[float]) -> str:
     return f"[{ends[0]:.3f}, {ends[1]:.3f}]"
 
 
-def _aligned(cells: list[list[str]]) -> list[str]:
+def aligned(cells: list[list[str]]) -> list[str]:
+    """Lines of a table for a terminal, the first row as its head."""
     widths = [max(len(row[i]) for row in cells) for i in range(len(cells[0]))]
     lines = [
         "  ".join([row[0].ljust(widths[0]), *(c.rjust(w) for c, w in zip(row[1:], widths[1:], strict=True))])
@@ -130,6 +132,7 @@ def _aligned(cells: list[list[str]]) -> list[str]:
     return [lines[0], "-" * len(lines[0]), *lines[1:]]
 
 
-def _piped(cells: list[list[str]]) -> list[str]:
+def piped(cells: list[list[str]]) -> list[str]:
+    """Lines of a Markdown table."""
     lines = [f"| {' | '.join(row)} |" for row in cells]
     return [lines[0], "|---" + "|---:" * (len(cells[0]) - 1) + "|", *lines[1:]]

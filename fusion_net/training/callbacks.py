@@ -26,8 +26,10 @@ class PlanCallback(pl.Callback):
         self.elapsed, self._tick = 0.0, math.nan
 
     def on_train_start(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
-        """Starts the clock."""
+        """Starts the clock. A batch that an interruption cut short counted as begun: validation would come a step early."""
         self._tick = time.perf_counter()
+        begun = trainer.fit_loop.epoch_loop.batch_progress.total
+        begun.ready = begun.completed
 
     def on_train_batch_start(self, trainer, pl_module, batch, batch_idx) -> int | None:
         """Sets stage, share, rate and random state of this step; -1 ends the epoch once the plan is over."""
@@ -59,13 +61,12 @@ class PlanCallback(pl.Callback):
 
     def state_dict(self) -> dict[str, Any]:
         """Clock and stage, for the checkpoint."""
-        return {"elapsed": self.elapsed, "fusion_began": self.plan.fusion_began}
+        return {"elapsed": self.elapsed, "began": self.plan.began}
 
     def load_state_dict(self, state_dict: dict[str, Any]) -> None:
         """Clock and stage of the interrupted run."""
         self.elapsed = state_dict["elapsed"]
-        began = state_dict["fusion_began"]
-        self.plan.fusion_began = None if began is None else (int(began[0]), float(began[1]))
+        self.plan.began = [list(pair) for pair in state_dict["began"]]
 
 
 class TerminalProgress(pl.Callback):

@@ -1,11 +1,11 @@
 """From a composed config to a finished run folder."""
 
 import logging
+import signal
 import warnings
 from pathlib import Path
 
 import lightning.pytorch as pl
-import torch
 from lightning.pytorch.callbacks import EMAWeightAveraging, ModelCheckpoint
 from lightning.pytorch.loggers import TensorBoardLogger
 from omegaconf import DictConfig
@@ -13,7 +13,7 @@ from omegaconf import DictConfig
 from fusion_net.cli import build
 from fusion_net.data.datamodule import NuScenesDataset, make_loader
 from fusion_net.evaluation.scoring import ground_truth
-from fusion_net.run_dir import open_run
+from fusion_net.run_dir import open_run, resume_step
 from fusion_net.training.callbacks import MetricsCSV, PlanCallback, TerminalProgress
 from fusion_net.training.module import DetectorModule
 from fusion_net.training.plan import TrainingPlan
@@ -25,6 +25,9 @@ def fit(cfg: DictConfig) -> Path:
     written; Ctrl-C keeps ``checkpoints/last.ckpt``."""
     pl.seed_everything(cfg.seed, verbose=False)
     settings = cfg.trainer
+    for name in ("batch_size", "validate_every", "save_every"):
+        if settings[name] < 1:
+            raise ValueError(f"trainer.{name}={settings[name]} must be at least 1")
     model = build(cfg.model, "model")
     train_set: NuScenesDataset = build(cfg.reader.train, "reader.train")
     val_set: NuScenesDataset = build(cfg.reader.val, "reader.val")
@@ -33,13 +36,11 @@ def fit(cfg: DictConfig) -> Path:
             f"{cfg.data.root} has {len(train_set)} training samples, fewer than trainer.batch_size={settings.batch_size};"
             f" generate more: python -m data_gen data={cfg.data.name} data.root={cfg.data.root}"
         )
-    plan = TrainingPlan(
-        camera_steps=settings.camera_steps if "camera" in cfg.encoders else 0,
-        fusion_steps=settings.fusion_steps,
-        max_lr=settings.max_lr,
-        max_minutes=settings.max_minutes,
-        camera_share=settings.camera_share,
-    )
+    if not train_set.has_labels():
+        raise ValueError(
+            f"no labelled object of {cfg.data.root} lies on the grid ({_extent(cfg.grid)}): the rig cannot see it"
+        )
+    plan = _plan(cfg)
     module = DetectorModule(
         model,
         modality_dropout=cfg.modality_dropout if len(cfg.encoders) > 1 else 0.0,
@@ -50,20 +51,26 @@ def fit(cfg: DictConfig) -> Path:
         seed=cfg.seed,
         truth=ground_truth(val_set),
     )
-    folder = open_run(Path("runs") / cfg.name, cfg, resume=cfg.resume, overwrite=cfg.overwrite)
+    folder = Path("runs") / str(cfg.name)
     trainer = _trainer(cfg, plan, folder)
     batches = make_loader(
         train_set, batch_size=settings.batch_size, shuffle=True, num_workers=settings.workers, drop_last=True
     )
     last = folder / "checkpoints" / "last.ckpt"
+    if cfg.resume and last.exists():
+        epoch, seen = divmod(resume_step(model, last), len(batches))
+        batches.sampler.go_on(epoch, seen * settings.batch_size)
+    open_run(folder, cfg, data=train_set.fingerprint, resume=cfg.resume, overwrite=cfg.overwrite)
     parameters = sum(p.numel() for p in model.parameters()) / 1e6
     print(f"{folder}: {parameters:.2f} M parameters, {len(train_set)} training and {len(val_set)} validation samples")
-    trainer.fit(
-        module, batches, make_loader(val_set, batch_size=settings.batch_size),
-        ckpt_path=last if cfg.resume else None, weights_only=True,
-    )  # fmt: skip
-    if trainer.interrupted:
-        raise KeyboardInterrupt
+    try:
+        trainer.fit(
+            module, batches, make_loader(val_set, batch_size=settings.batch_size),
+            ckpt_path=last if cfg.resume else None, weights_only=True,
+        )  # fmt: skip
+    except SystemExit:  # Lightning's answer to Ctrl-C, once last.ckpt is written; it leaves the signal ignored
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        raise KeyboardInterrupt("add resume=true to the same command to go on") from None
     if module.validated_at != trainer.global_step:  # a time limit ended the run between two validations
         trainer.validate(module, make_loader(val_set, batch_size=settings.batch_size), verbose=False)
         best = trainer.checkpoint_callbacks[0]
@@ -71,6 +78,21 @@ def fit(cfg: DictConfig) -> Path:
             trainer.save_checkpoint(folder / "checkpoints" / "best.ckpt")
     trainer.save_checkpoint(last)
     return folder
+
+
+def _extent(grid: DictConfig) -> str:
+    return f"x {grid.x_min} to {grid.x_max} m, y {grid.y_min} to {grid.y_max} m"
+
+
+def _plan(cfg: DictConfig) -> TrainingPlan:
+    """The configured stages; without a camera, or with nothing else, its own fall away."""
+    settings = cfg.trainer
+    steps = {
+        "camera": settings.camera_steps if "camera" in cfg.encoders else 0,
+        "alone": settings.alone_steps if "camera" in cfg.encoders and len(cfg.encoders) > 1 else 0,
+        "fusion": settings.fusion_steps,
+    }
+    return TrainingPlan(steps=steps, max_lr=settings.max_lr, max_minutes=settings.max_minutes)
 
 
 def _trainer(cfg: DictConfig, plan: TrainingPlan, folder: Path) -> pl.Trainer:

@@ -7,7 +7,7 @@ import torch
 from torch import nn
 
 from fusion_net.evaluation.scoring import GroundTruth, score
-from fusion_net.structures import Batch
+from fusion_net.structures import MODALITIES, Batch
 from fusion_net.training.modality_dropout import draw_present
 from fusion_net.training.plan import Stage
 
@@ -45,7 +45,7 @@ class DetectorModule(pl.LightningModule):
     def enter(self, stage: Stage, share: float) -> None:
         """Told before each step where the plan is."""
         if "camera" in self.model.encoders:
-            frozen = stage == "fusion" and self.freeze_camera
+            frozen = stage != "camera" and self.freeze_camera
             if self.model.encoders["camera"].frozen != frozen:
                 self.model.encoders["camera"].freeze(frozen)
         self.stage, self.share = stage, share
@@ -55,7 +55,10 @@ class DetectorModule(pl.LightningModule):
         if self.stage == "camera":
             losses = self.model.camera_loss(batch)
         else:
-            losses = self.model.loss(self.model(batch, self._present(batch)), batch)
+            present = self._present(batch)
+            losses = self.model.loss(self.model(batch, present), batch)
+            for name, kept in zip(MODALITIES, present.float().mean(dim=0), strict=True):
+                self.log(f"train/kept_{name}", kept, batch_size=batch.size)
         if not torch.isfinite(losses["loss"]):
             terms = ", ".join(f"{name} {float(value):.3g}" for name, value in losses.items())
             raise ValueError(f"the loss is not finite at step {self.global_step}: {terms}; lower trainer.max_lr")
@@ -63,13 +66,13 @@ class DetectorModule(pl.LightningModule):
         return losses["loss"]
 
     def _present(self, batch: Batch) -> torch.Tensor:
+        if self.stage == "alone":
+            return torch.tensor([name == "camera" for name in MODALITIES], device=batch.present.device) & batch.present
         probability = self.modality_dropout if self.share >= self.dropout_from else 0.0
         generator = torch.Generator().manual_seed(abs(hash((self.seed, self.global_step))))
         drawn = draw_present(batch.size, probability, generator).to(batch.present.device)
         kept = batch.present & drawn
-        return torch.where(
-            kept.any(dim=1, keepdim=True), kept, batch.present
-        )  # a dead sensor is never all that is left
+        return torch.where(kept.any(dim=1, keepdim=True), kept, batch.present)  # a dead sensor is never all that is left
 
     def on_validation_epoch_start(self) -> None:
         """Forgets the last validation's boxes."""

@@ -1,54 +1,58 @@
-"""How a run spends its steps or minutes: dense camera pretraining first, fusion after, each under a one-cycle rate."""
+"""How a run spends its steps or minutes: the weak sensor first, then all of them, each stage under a one-cycle rate.
+
+``camera``: the camera's dense losses alone, without which it contributes nothing in minutes. ``alone``: the whole network
+with the camera as its only sensor, so that decoder and head learn to read it before a stronger one does the work for it.
+``fusion``: everything.
+"""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 from beartype import beartype
 
-Stage = Literal["camera", "fusion"]
+Stage = Literal["camera", "alone", "fusion"]
+STAGES: tuple[Stage, ...] = ("camera", "alone", "fusion")
 
 
 @beartype
 @dataclass
 class TrainingPlan:
-    """Two stages: ``camera_steps`` steps of the camera's dense losses alone, then ``fusion_steps`` of everything.
+    """Steps of each stage, and the share of ``max_minutes`` (if set) after which it ends anyway.
 
-    Without the first the camera contributes nothing in minutes. Modality dropout begins at the share ``dropout_from`` of
-    the fusion stage. With ``max_minutes`` each stage also ends when its share of the minutes (``camera_share`` and the
-    rest) is used up; rates anneal by whichever limit is nearer, so a short run is a whole run in small.
+    Rates anneal by whichever limit is nearer, so a short run is a whole run in small; a stage that ends early leaves its
+    time to the next.
     """
 
-    camera_steps: int
-    fusion_steps: int
+    steps: dict[str, int]
     max_lr: float
-    dropout_from: float = 0.5
     warmup: float = 0.15
     max_minutes: float | int | None = None
-    camera_share: float = 0.4
-    fusion_began: tuple[int, float] | None = None  # step and elapsed seconds at which fusion started
+    time_shares: dict[str, float] = field(default_factory=lambda: {"camera": 0.35, "alone": 0.15, "fusion": 0.5})
+    began: list[list[float]] = field(default_factory=lambda: [[0, 0.0]])  # (step, seconds) of each stage begun so far
 
     def __post_init__(self) -> None:
-        if self.fusion_steps < 1 or self.camera_steps < 0:
-            raise ValueError(
-                f"plan: camera_steps={self.camera_steps} must be >= 0 and fusion_steps={self.fusion_steps} >= 1"
-            )
+        if unknown := set(self.steps) ^ set(STAGES):
+            raise ValueError(f"plan: steps need exactly {', '.join(STAGES)}; check {', '.join(sorted(unknown))}")
+        if self.steps["fusion"] < 1 or min(self.steps.values()) < 0:
+            raise ValueError(f"plan: steps {self.steps} must not be negative, and fusion at least 1")
         if self.max_minutes is not None and self.max_minutes <= 0:
             raise ValueError(f"plan: max_minutes={self.max_minutes} must be above 0")
-        if self.camera_steps == 0 and self.fusion_began is None:
-            self.fusion_began = (0, 0.0)
 
     def position(self, step: int, elapsed: float) -> tuple[Stage, float]:
         """Stage and the share of it that is done (1: over) after ``step`` steps and ``elapsed`` seconds."""
-        budget = math.inf if self.max_minutes is None else 60.0 * self.max_minutes
-        if self.fusion_began is None:
-            share = max(step / self.camera_steps, elapsed / (budget * self.camera_share))
-            if share < 1:
-                return "camera", share
-            self.fusion_began = (step, elapsed)
-        first_step, began = self.fusion_began
-        share = max((step - first_step) / self.fusion_steps, (elapsed - began) / (budget - began))
-        return "fusion", min(share, 1.0)
+        while True:
+            stage = STAGES[len(self.began) - 1]
+            first_step, first_second = self.began[-1]
+            done = (step - first_step) / self.steps[stage] if self.steps[stage] else 1.0
+            if self.max_minutes is not None:
+                ahead = STAGES[STAGES.index(stage) :]
+                fair = self.time_shares[stage] / sum(self.time_shares[s] for s in ahead if self.steps[s])
+                left = 60.0 * self.max_minutes - first_second
+                done = max(done, (elapsed - first_second) / max(left * fair, 1e-9))
+            if done < 1 or stage == STAGES[-1]:
+                return stage, min(done, 1.0)
+            self.began.append([step, elapsed])
 
     def learning_rate(self, share: float) -> float:
         """One-cycle (Smith, 2018): cosine from max_lr / 20 up over ``warmup``, then cosine down to max_lr / 1000."""
@@ -59,5 +63,5 @@ class TrainingPlan:
 
     @property
     def total_steps(self) -> int:
-        """Steps of both stages, when no time limit cuts them."""
-        return self.camera_steps + self.fusion_steps
+        """Steps of all stages, when no time limit cuts them."""
+        return sum(self.steps.values())

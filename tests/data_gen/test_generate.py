@@ -16,7 +16,12 @@ def rig():
         sweeps={"radar": 1, "lidar": 1},
         cameras={
             "CAM_FRONT": Camera(
-                translation=[1.7, 0.1, 1.5], rotation_deg=[1.0, 2.0, -3.0], rate=30.0, width=64, height=32, hfov_deg=70.0
+                translation=[1.7, 0.1, 1.5],
+                rotation_deg=[1.0, 2.0, -3.0],
+                rate=30.0,
+                width=64,
+                height=32,
+                hfov_deg=70.0,
             )
         },
         lidars={"LIDAR_TOP": Lidar(translation=[0.9, 0.0, 1.8], rate=10.0, columns=180)},
@@ -143,3 +148,16 @@ def test_more_scenes_begin_like_fewer(tree, rig, tmp_path):
     assert set(shorter) == {"train", "val", "test"}
     many = job(tmp_path / "x", rig, num_scenes=920, train=20, val=2, test=1).data.splits()
     assert [many.count(s) for s in ("train", "val", "test")] == [800, 80, 40]
+
+
+@pytest.mark.parametrize("weights", [{"train": -1, "val": 2}, {"train": 0}])
+def test_split_weights_that_share_nothing_out_are_refused(rig, tmp_path, weights):
+    with pytest.raises(ValueError, match="negative or all zero"):
+        job(tmp_path / "x", rig, **weights)
+
+
+@pytest.mark.parametrize("workers", [0, -1, "many"])
+def test_a_number_of_workers_that_is_none_is_refused(rig, tmp_path, workers):
+    with pytest.raises(ValueError, match=f"workers={workers} is not a number of processes"):
+        generate(job(tmp_path / "x", rig), settings=settings(), workers=workers)
+    assert not (tmp_path / "x").exists()

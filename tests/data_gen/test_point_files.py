@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from data_gen.point_files import RADAR_DTYPE, write_lidar
+from data_gen.point_files import RADAR_DTYPE, write_lidar, write_radar
 from data_gen.sensors.lidar import LidarSweep
 from data_gen.sensors.radar import RadarScan
 from fusion_net.data.sensor_files import read_lidar

@@ -5,29 +5,38 @@ from hypothesis import strategies as st
 from fusion_net.training.plan import TrainingPlan
 
 
-def plan(**changes):
-    return TrainingPlan(**({"camera_steps": 100, "fusion_steps": 50, "max_lr": 1e-3} | changes))
+def plan(camera=100, alone=20, fusion=50, **changes):
+    return TrainingPlan(steps={"camera": camera, "alone": alone, "fusion": fusion}, max_lr=1e-3, **changes)
 
 
 def test_stages_follow_each_other_by_steps():
     p = plan()
     assert p.position(0, 0.0) == ("camera", 0.0)
     assert p.position(99, 1e6) == ("camera", 0.99)
-    assert p.position(100, 1e6) == ("fusion", 0.0)
-    assert p.position(125, 1e6) == ("fusion", 0.5)
-    assert p.position(150, 1e6) == ("fusion", 1.0)
+    assert p.position(100, 1e6) == ("alone", 0.0)
+    assert p.position(120, 1e6) == ("fusion", 0.0)
+    assert p.position(145, 1e6) == ("fusion", 0.5)
+    assert p.position(170, 1e6) == ("fusion", 1.0)
 
 
-def test_minutes_end_each_stage_and_fusion_gets_what_the_camera_left():
-    p = plan(max_minutes=10, camera_share=0.4)
-    assert p.position(10, 120.0) == ("camera", pytest.approx(0.5))
-    assert p.position(20, 240.0) == ("fusion", 0.0)
-    assert p.position(21, 420.0) == ("fusion", pytest.approx(0.5))
-    assert p.position(22, 601.0) == ("fusion", 1.0)
+def test_minutes_end_each_stage_and_what_is_left_goes_to_the_next():
+    p = plan(max_minutes=10, time_shares={"camera": 0.25, "alone": 0.25, "fusion": 0.5})
+    assert p.position(10, 75.0) == ("camera", pytest.approx(0.5))
+    assert p.position(20, 150.0) == ("alone", 0.0)
+    assert p.position(40, 160.0) == ("fusion", 0.0)  # its steps were done early
+    assert p.position(41, 380.0) == ("fusion", pytest.approx(0.5))
+    assert p.position(42, 601.0) == ("fusion", 1.0)
 
 
-def test_no_camera_stage_starts_in_fusion():
-    assert plan(camera_steps=0).position(0, 0.0) == ("fusion", 0.0)
+def test_without_a_camera_only_fusion_is_left():
+    assert plan(camera=0, alone=0).position(0, 0.0) == ("fusion", 0.0)
+
+
+def test_a_resumed_plan_stands_where_it_stood():
+    p = plan()
+    p.position(100, 4.5)
+    resumed = plan(began=p.began)
+    assert resumed.position(110, 5.0) == p.position(110, 5.0) == ("alone", 0.5)
 
 
 def test_rate_rises_to_its_maximum_and_anneals_to_a_thousandth():
@@ -42,7 +51,7 @@ def test_rate_never_leaves_its_bounds(share):
     assert 1e-6 <= plan().learning_rate(share) <= 1e-3 + 1e-12
 
 
-@pytest.mark.parametrize("changes", [{"fusion_steps": 0}, {"camera_steps": -1}, {"max_minutes": 0}])
+@pytest.mark.parametrize("changes", [{"fusion": 0}, {"camera": -1}, {"max_minutes": 0}])
 def test_impossible_plans_are_refused(changes):
     with pytest.raises(ValueError, match="plan"):
         plan(**changes)

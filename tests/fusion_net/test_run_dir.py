@@ -2,9 +2,11 @@ import pytest
 import torch
 from omegaconf import OmegaConf
 
-from fusion_net.run_dir import load_config, load_weights, open_run
+from fusion_net.run_dir import load_config, load_weights, open_run, refuse_other_data, resume_step
 
-CONFIG = OmegaConf.create({"model": {"width": 8}, "encoders": ["camera"], "fuser": "concat", "grid": {"cell": 0.8}, "seed": 1})
+CONFIG = OmegaConf.create(
+    {"model": {"width": 8}, "encoders": ["camera"], "fuser": "concat", "grid": {"cell": 0.8}, "seed": 1}
+)
 
 
 def test_a_run_that_exists_is_not_overwritten(tmp_path):
@@ -45,3 +47,26 @@ def test_weights_come_back_and_foreign_ones_are_refused(tmp_path):
         load_weights(other, path)
     with pytest.raises(FileNotFoundError, match=r"there are a\.ckpt"):
         load_weights(other, tmp_path / "b.ckpt")
+
+
+def test_data_made_with_other_settings_is_refused(tmp_path):
+    folder = open_run(tmp_path / "a", CONFIG, resume=False, overwrite=False, data=["a" * 64])
+    refuse_other_data(folder, ["a" * 64])
+    with pytest.raises(ValueError, match=r"manifest aaaaaaaaaaaa, now bbbbbbbbbbbb"):
+        refuse_other_data(folder, ["b" * 64])
+    (folder / "checkpoints" / "last.ckpt").write_bytes(b"x")
+    with pytest.raises(ValueError, match="no longer that which"):
+        open_run(folder, CONFIG, resume=True, overwrite=False, data=["b" * 64])
+    assert "aaaa" in (folder / "env.json").read_text()
+
+
+def test_a_checkpoint_is_looked_at_before_a_run_goes_on(tmp_path):
+    model, path = torch.nn.Linear(3, 2), tmp_path / "last.ckpt"
+    state = {f"model.{k}": v for k, v in model.state_dict().items()}
+    torch.save({"state_dict": state, "global_step": 7}, path)
+    assert resume_step(model, path) == 7
+    with pytest.raises(ValueError, match="another model"):
+        resume_step(torch.nn.Linear(4, 5), path)
+    path.write_bytes(b"x")
+    with pytest.raises(ValueError, match="not a readable checkpoint"):
+        resume_step(model, path)

@@ -1,0 +1,177 @@
+"""The commands as a user types them: a mistake is one line on stderr and a non-zero exit, what was written stays."""
+
+import errno
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+PROJECT = Path(__file__).resolve().parents[1]
+ENVIRONMENT = os.environ | {"OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
+DATA_GEN = ["-m", "data_gen", "data=nano", "workers=1"]
+TRAIN, EVAL = [str(PROJECT / "train.py"), "trainer=smoke"], [str(PROJECT / "eval.py")]
+
+
+def start(arguments, folder):
+    """A command in a session of its own, so that Ctrl-C reaches it and its workers and nobody else."""
+    return subprocess.Popen(
+        [sys.executable, *arguments], cwd=folder, env=ENVIRONMENT, text=True, start_new_session=True,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )  # fmt: skip
+
+
+def run(arguments, folder):
+    """Exit code, stdout and stderr."""
+    command = start(arguments, folder)
+    out, error = command.communicate(timeout=240)
+    return command.returncode, out, error
+
+
+def press_ctrl_c(arguments, folder, *, once):
+    """Starts a command, interrupts it when ``once()`` holds; exit code and the last line of stderr."""
+    command = start(arguments, folder)
+    began = time.monotonic()
+    while not once() and command.poll() is None and time.monotonic() - began < 200:
+        time.sleep(0.05)
+    os.killpg(command.pid, signal.SIGINT)
+    error = command.communicate(timeout=60)[1]
+    return command.returncode, error.replace("\r", "\n").strip().splitlines()[-1]
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory):
+    root = tmp_path_factory.mktemp("data") / "tree"
+    code, _, error = run([*DATA_GEN, "data.num_scenes=12", f"data.root={root}"], root.parent)
+    assert code == 0, error
+    return root
+
+
+@pytest.fixture(scope="module")
+def trained(data, tmp_path_factory):
+    """A folder with runs/base."""
+    folder = tmp_path_factory.mktemp("work")
+    code, _, error = run([*TRAIN, f"data.root={data}", "name=base"], folder)
+    assert code == 0, error
+    return folder
+
+
+MISTAKES = [
+    (TRAIN, "trainer.batch_sise=4", "did you mean trainer.batch_size"),
+    (TRAIN, "trainer.batch_size=abc", "trainer.batch_size=abc is not a whole number; the default is 2"),
+    (TRAIN, "encoders=camera", "write 'encoders=[camera]'"),
+    (TRAIN, "grid=nanoo", "did you mean nano?"),
+    (TRAIN, "data.root=nowhere", "no data in nowhere; make some: python -m data_gen data=nano data.root=nowhere"),
+    (EVAL, "rum=runs/base", "did you mean run?"),
+    (EVAL, "split=val", "run is needed; write run=VALUE"),
+    (EVAL, "run=runs/nothing", "no run at runs/nothing"),
+    (DATA_GEN, "data.num_scenes=0", "num_scenes=0"),
+    (DATA_GEN, "seed=abc", "seed=abc is not a whole number"),
+    (DATA_GEN, "workers=-1", "workers=-1 is not a number of processes"),
+    (DATA_GEN, "rig=nanoo", "did you mean nano?"),
+]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("command", "override", "answer"), MISTAKES, ids=[override for _, override, _ in MISTAKES])
+def test_a_mistake_is_one_line_and_writes_nothing(command, override, answer, tmp_path):
+    code, _, error = run([*command, override], tmp_path)
+    assert code in (1, 2)
+    assert error.startswith("error: ")
+    assert error.count("\n") == 1
+    assert answer in error
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.slow
+def test_a_run_is_scored_with_every_subset_and_against_its_decoys(trained):
+    code, out, error = run([*EVAL, "run=runs/base", "bootstrap=5", "split=all"], trained)
+    assert code == 0, error
+    doc = json.loads((trained / "runs/base/eval/drop_table.json").read_text())
+    assert len(doc["rows"]) == 7
+    assert all(len(kind["rows"]) == 7 for kind in doc["decoys"])
+    assert "AUC" in out
+
+
+@pytest.mark.slow
+def test_a_run_that_exists_is_kept(trained, data):
+    code, _, error = run([*TRAIN, f"data.root={data}", "name=base"], trained)
+    assert code == 1
+    assert "runs/base exists; pass name=ANOTHER, resume=true to go on, or overwrite=true" in error
+    assert (trained / "runs/base/checkpoints/last.ckpt").exists()
+
+
+@pytest.mark.slow
+def test_data_made_anew_with_other_settings_is_not_mistaken_for_the_old(trained, data):
+    manifest = data / "manifest.json"
+    was = manifest.read_text()
+    try:
+        manifest.write_text(json.dumps(json.loads(was) | {"hash": "f" * 64}))
+        for command in ([*EVAL, "run=runs/base"], [*TRAIN, f"data.root={data}", "name=base", "resume=true"]):
+            code, _, error = run(command, trained)
+            assert code == 1
+            assert error.startswith("error: the data is no longer that which runs/base was trained on")
+            assert error.count("\n") == 1
+    finally:
+        manifest.write_text(was)
+
+
+@pytest.mark.slow
+def test_ctrl_c_keeps_the_checkpoint_and_training_goes_on(data, tmp_path):
+    command = [*TRAIN, f"data.root={data}", "name=cut", "trainer.camera_steps=60", "trainer.fusion_steps=30"]
+    metrics = tmp_path / "runs/cut/metrics.csv"
+    code, line = press_ctrl_c(command, tmp_path, once=metrics.exists)
+    assert (code, line) == (130, "error: interrupted; add resume=true to the same command to go on")
+    before = metrics.read_text()
+    code, _, error = run([*command, "resume=true"], tmp_path)
+    assert (code, error) == (0, "")
+    assert metrics.read_text().startswith(before)
+    steps = [int(row.split(",")[0]) for row in metrics.read_text().splitlines()[1:]]
+    assert steps == sorted(steps)
+    assert steps[-1] == 90
+
+
+@pytest.mark.slow
+def test_ctrl_c_keeps_finished_scenes_and_generation_goes_on(tmp_path):
+    root = tmp_path / "tree"
+    command = [*DATA_GEN, "data.num_scenes=8", f"data.root={root}"]
+    code, line = press_ctrl_c(command, tmp_path, once=lambda: len(list(root.glob("scenes/*.json"))) >= 2)
+    assert code == 130
+    assert line.startswith("error: interrupted")
+    kept = {path: path.stat().st_mtime_ns for path in root.glob("scenes/*.json")}
+    assert 2 <= len(kept) < 8
+    assert "half generated" in run([*TRAIN, f"data.root={root}"], tmp_path)[2]
+    assert run(command, tmp_path)[0] == 0
+    assert {path: path.stat().st_mtime_ns for path in kept} == kept
+
+
+@pytest.mark.slow
+def test_a_full_disk_is_one_line_and_keeps_finished_scenes(tmp_path):
+    """The third point cloud finds no room."""
+    root = tmp_path / "tree"
+    code = f"""
+import errno, sys
+from data_gen import writer
+write, made = writer.write_lidar, []
+def full(path, *rest, **more):
+    made.append(path)
+    if len(made) > 6:
+        raise OSError({errno.ENOSPC}, "No space left on device", str(path))
+    return write(path, *rest, **more)
+writer.write_lidar = full
+sys.argv = ["data_gen", "data=nano", "workers=1", "data.num_scenes=4", "data.root={root}"]
+from data_gen.__main__ import main
+main()
+"""
+    returned, _, error = run(["-c", code], tmp_path)
+    last = error.replace("\r", "\n").strip().splitlines()[-1]
+    assert returned == 1
+    assert last.startswith("error: ")
+    assert "No space left on device" in last
+    assert len(list(root.glob("scenes/*.json"))) == 1
+    assert not list(root.rglob("*.part"))
+    assert run([*DATA_GEN, "data.num_scenes=4", f"data.root={root}"], tmp_path)[0] == 0

@@ -140,17 +140,14 @@ def _start(streets: Streets, name: str, rng: np.random.Generator) -> tuple:
     leads_on = {start for start in streets.network.graph if not start.startswith("o")}  # o: the intersection's far ends
     choices = [
         index
-        for index in lanes
-        if index[0][0] in _START[name]
-        and lanes[index].length > 8
-        and (index[1] in leads_on or lanes[index].length > 600)
+        for index, lane in lanes.items()
+        if index[0][0] in _START[name] and lane.length > 8 and (index[1] in leads_on or lane.length > 600)
     ]
     lengths = np.minimum([lanes[index].length for index in choices], 120.0)
     index = choices[rng.choice(len(choices), p=lengths / lengths.sum())]
     length = lanes[index].length
-    return index, rng.uniform(0.3, 0.5) * length if length > 600 else rng.uniform(
-        max(0.2 * length, length - 90), length
-    )
+    low, high = (0.3 * length, 0.5 * length) if length > 600 else (max(0.2 * length, length - 90), length)
+    return index, rng.uniform(low, high)
 
 
 def _along(lane: AbstractLane, driver: Driver) -> float:

@@ -123,12 +123,7 @@ class _SceneWriter:
         key = token(self.log, firing.channel, stamp)
         position, yaw, _ = self.scene.ego.at(firing.time)
         self.rows["ego_pose"].append(
-            {
-                "token": key,
-                "timestamp": stamp,
-                "rotation": _quaternion(float(yaw)),
-                "translation": position.tolist(),
-            }
+            {"token": key, "timestamp": stamp, "rotation": _quaternion(float(yaw)), "translation": position.tolist()}
         )
         self.rows["sample_data"].append(
             {

@@ -11,7 +11,7 @@ from lightning.pytorch.loggers import TensorBoardLogger
 from omegaconf import DictConfig
 
 from fusion_net.cli import build
-from fusion_net.data.datamodule import NuScenesDataset, make_loader
+from fusion_net.data.datamodule import EpochSampler, NuScenesDataset, make_loader
 from fusion_net.evaluation.scoring import ground_truth
 from fusion_net.run_dir import open_run, resume_step
 from fusion_net.training.callbacks import MetricsCSV, PlanCallback, TerminalProgress
@@ -59,7 +59,9 @@ def fit(cfg: DictConfig) -> Path:
     last = folder / "checkpoints" / "last.ckpt"
     if cfg.resume and last.exists():
         epoch, seen = divmod(resume_step(model, last), len(batches))
-        batches.sampler.go_on(epoch, seen * settings.batch_size)
+        sampler = batches.sampler
+        assert isinstance(sampler, EpochSampler)
+        sampler.go_on(epoch, seen * settings.batch_size)
     open_run(folder, cfg, data=train_set.fingerprint, resume=cfg.resume, overwrite=cfg.overwrite)
     parameters = sum(p.numel() for p in model.parameters()) / 1e6
     print(f"{folder}: {parameters:.2f} M parameters, {len(train_set)} training and {len(val_set)} validation samples")

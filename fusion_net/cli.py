@@ -88,7 +88,7 @@ def check_overrides(config_name: str, argv: list[str]) -> None:
         if key in groups and isinstance(value, str) and not override.is_sweep_override():
             if value not in groups[key]:
                 raise UserError(f"there is no {key}={value}; {_nearest(value, groups[key])}")
-            chosen.append(override.input_line)
+            chosen.append(str(override.input_line))
         elif key in groups and not override.is_sweep_override() and value is not None:
             raise UserError(f"{key}={value} is not a file name; there are {', '.join(groups[key])}")
     with initialize_config_dir(str(CONFIGS), version_base="1.3"):

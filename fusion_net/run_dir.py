@@ -139,10 +139,8 @@ def _processor() -> str:
 
 
 def _refuse_other_model(folder: Path, cfg: DictConfig) -> None:
-    old = load_config(folder)
+    old: Any = OmegaConf.to_container(load_config(folder), resolve=True)
+    new: Any = OmegaConf.to_container(cfg, resolve=True)
     for key in ("model", "encoders", "fuser", "grid", "classes"):
-        if (
-            key in old
-            and OmegaConf.to_container(old, resolve=True)[key] != OmegaConf.to_container(cfg, resolve=True)[key]
-        ):
+        if key in old and old[key] != new[key]:
             raise ValueError(f"{folder} was trained with another '{key}'; resume with the same, or pass name=ANOTHER")

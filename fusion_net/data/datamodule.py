@@ -4,6 +4,7 @@ import ctypes
 from collections.abc import Iterator
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import torch
 from beartype import beartype
@@ -143,6 +144,8 @@ def make_loader(
     dataset: NuScenesDataset, *, batch_size: int, shuffle: bool = False, num_workers: int = 0, drop_last: bool = False
 ) -> DataLoader:
     """Batches of a dataset. Its sampler's ``set_epoch`` is to be called before each epoch (Lightning does)."""
+    if num_workers:
+        cv2.setNumThreads(1)  # here, before the fork: a child that ends the parent's pool of threads waits for ever
     return DataLoader(
         dataset,
         batch_size=batch_size,
@@ -151,14 +154,7 @@ def make_loader(
         num_workers=num_workers,
         persistent_workers=num_workers > 0,
         drop_last=drop_last,
-        worker_init_fn=_one_thread if num_workers else None,
     )
-
-
-def _one_thread(worker: int) -> None:
-    import cv2
-
-    cv2.setNumThreads(1)
 
 
 def trim_memory() -> None:

@@ -97,14 +97,16 @@ def read_bodies(truth: GroundTruth, samples: Sequence[tuple[NuScenes, str]]) -> 
                      place[record["sample_token"]])
                 )  # fmt: skip
     if not any(row[1] for row in rows):
-        return Bodies(np.zeros(0, np.int64), *np.zeros((2, 0), bool), np.zeros((0, 2)), np.zeros(0, np.int64))
-    label, is_decoy, speed, points, center, sample = (np.array(column) for column in zip(*rows, strict=True))
+        none = np.zeros(0, np.int64)
+        return Bodies(none, none > 0, none > 0, np.zeros((0, 2)), none)
+    columns = [np.array(column) for column in zip(*rows, strict=True)]
+    label, is_decoy, pace, points, center, sample = columns
     global_T_ego = truth.global_T_ego[sample]
     ego_T_global = invert(global_T_ego)
     local = np.einsum("nij,nj->ni", ego_T_global[:, :2, :3], center) + ego_T_global[:, :2, 3]
     distance = np.linalg.norm(center[:, :2] - global_T_ego[:, :2, 3], axis=1)
     in_range = (distance < truth.metric.label_range[label]) & truth.grid.contains(local)
-    return Bodies(label, is_decoy, in_range & (speed < STILL) & (points > 0), center[:, :2], sample)
+    return Bodies(label, is_decoy, in_range & (pace < STILL) & (points > 0), center[:, :2], sample)
 
 
 def best_scores(bodies: Bodies, found: SampleBoxes, radius: float) -> NDArray[np.float64]:

@@ -4,7 +4,6 @@ import json
 import sys
 from pathlib import Path
 
-import torch
 from omegaconf import DictConfig
 
 from fusion_net.cli import build
@@ -13,6 +12,7 @@ from fusion_net.evaluation.decoys import audit_decoys
 from fusion_net.evaluation.drop_table import drop_table
 from fusion_net.evaluation.scoring import ground_truth
 from fusion_net.metrics.results import write_results
+from fusion_net.models.fusion_net import FusionNet
 from fusion_net.reports import decoys
 from fusion_net.reports.plots import plot_drop_table
 from fusion_net.reports.tables import as_text, document, write_drop_table
@@ -23,7 +23,7 @@ from fusion_net.viz.picture_sheet import picture_sheet
 
 def load_run(
     folder: Path, *, checkpoint: str = "best", split: str = "val", root: str | None = None
-) -> tuple[torch.nn.Module, NuScenesDataset, DictConfig]:
+) -> tuple[FusionNet, NuScenesDataset, DictConfig]:
     """A trained model in evaluation mode, the samples of a split, and the settings it was trained with."""
     cfg = load_config(folder)
     if root is not None:

@@ -58,7 +58,7 @@ def _found(audit: Audit) -> list[list[str]]:
 
 
 def _head(title: str, audit: Audit) -> list[str]:
-    return [title, *(SHORT.get(kind["imitates"], kind["imitates"]) for kind in audit)]
+    return [title, *[str(SHORT.get(kind["imitates"], kind["imitates"])) for kind in audit]]
 
 
 def _rows(audit: Audit, cell: Any) -> list[list[str]]:

@@ -31,7 +31,7 @@ class PlanCallback(pl.Callback):
         begun = trainer.fit_loop.epoch_loop.batch_progress.total
         begun.ready = begun.completed
 
-    def on_train_batch_start(self, trainer, pl_module, batch, batch_idx) -> int | None:
+    def on_train_batch_start(self, trainer, pl_module, batch, batch_idx) -> Any:
         """Sets stage, share, rate and random state of this step; -1 ends the epoch once the plan is over."""
         now = time.perf_counter()
         self.elapsed, self._tick = self.elapsed + now - self._tick, now

@@ -4,6 +4,7 @@ import logging
 import signal
 import warnings
 from pathlib import Path
+from typing import Any
 
 import lightning.pytorch as pl
 from lightning.pytorch.callbacks import EMAWeightAveraging, ModelCheckpoint
@@ -75,7 +76,7 @@ def fit(cfg: DictConfig) -> Path:
         raise KeyboardInterrupt("add resume=true to the same command to go on") from None
     if module.validated_at != trainer.global_step:  # a time limit ended the run between two validations
         trainer.validate(module, make_loader(val_set, batch_size=settings.batch_size), verbose=False)
-        best = trainer.checkpoint_callbacks[0]
+        best: Any = trainer.checkpoint_callbacks[0]
         if best.best_model_score is None or trainer.callback_metrics["val/mAP"] >= best.best_model_score:
             trainer.save_checkpoint(folder / "checkpoints" / "best.ckpt")
     trainer.save_checkpoint(last)

@@ -4,9 +4,10 @@ from typing import Any
 
 import lightning.pytorch as pl
 import torch
-from torch import nn
 
 from fusion_net.evaluation.scoring import GroundTruth, score
+from fusion_net.models.camera_encoder import CameraEncoder
+from fusion_net.models.fusion_net import FusionNet
 from fusion_net.structures import MODALITIES, Batch
 from fusion_net.training.modality_dropout import draw_present
 from fusion_net.training.plan import Stage
@@ -21,7 +22,7 @@ class DetectorModule(pl.LightningModule):
 
     def __init__(
         self,
-        model: nn.Module,
+        model: FusionNet,
         *,
         modality_dropout: float,
         dropout_from: float,
@@ -44,10 +45,10 @@ class DetectorModule(pl.LightningModule):
 
     def enter(self, stage: Stage, share: float) -> None:
         """Told before each step where the plan is."""
-        if "camera" in self.model.encoders:
-            frozen = stage != "camera" and self.freeze_camera
-            if self.model.encoders["camera"].frozen != frozen:
-                self.model.encoders["camera"].freeze(frozen)
+        camera = dict(self.model.encoders.items()).get("camera")
+        frozen = stage != "camera" and self.freeze_camera
+        if isinstance(camera, CameraEncoder) and camera.frozen != frozen:
+            camera.freeze(frozen)
         self.stage, self.share = stage, share
 
     def training_step(self, batch: Batch, batch_idx: int) -> torch.Tensor:
@@ -72,7 +73,9 @@ class DetectorModule(pl.LightningModule):
         generator = torch.Generator().manual_seed(abs(hash((self.seed, self.global_step))))
         drawn = draw_present(batch.size, probability, generator).to(batch.present.device)
         kept = batch.present & drawn
-        return torch.where(kept.any(dim=1, keepdim=True), kept, batch.present)  # a dead sensor is never all that is left
+        return torch.where(
+            kept.any(dim=1, keepdim=True), kept, batch.present
+        )  # a dead sensor is never all that is left
 
     def on_validation_epoch_start(self) -> None:
         """Forgets the last validation's boxes."""

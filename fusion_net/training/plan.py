@@ -29,7 +29,7 @@ class TrainingPlan:
     warmup: float = 0.15
     max_minutes: float | int | None = None
     time_shares: dict[str, float] = field(default_factory=lambda: {"camera": 0.35, "alone": 0.15, "fusion": 0.5})
-    began: list[list[float]] = field(default_factory=lambda: [[0, 0.0]])  # (step, seconds) of each stage begun so far
+    began: list[list[float]] = field(default_factory=lambda: [[0.0, 0.0]])  # (step, seconds) of each stage begun so far
 
     def __post_init__(self) -> None:
         if unknown := set(self.steps) ^ set(STAGES):
@@ -52,7 +52,7 @@ class TrainingPlan:
                 done = max(done, (elapsed - first_second) / max(left * fair, 1e-9))
             if done < 1 or stage == STAGES[-1]:
                 return stage, min(done, 1.0)
-            self.began.append([step, elapsed])
+            self.began.append([float(step), elapsed])
 
     def learning_rate(self, share: float) -> float:
         """One-cycle (Smith, 2018): cosine from max_lr / 20 up over ``warmup``, then cosine down to max_lr / 1000."""

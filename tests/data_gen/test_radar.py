@@ -94,7 +94,7 @@ def test_noise_follows_the_cell_the_snr_and_the_cosine():
 
     strong, weak, side = spread(0.0, 1e5), spread(0.0, 30.0), spread(60.0, 1e5)
     assert strong[0] == pytest.approx(0.05 * 0.4, rel=0.15)
-    assert strong[1] == pytest.approx(np.radians(0.32), rel=0.15)
+    assert strong[1] == pytest.approx(np.radians(0.3 * 3.2), rel=0.15)
     assert strong[2] == pytest.approx(0.05 * 0.1, rel=0.15)
     assert all(w > 2 * s for w, s in zip(weak, strong, strict=True))
     assert side[1] == pytest.approx(2 * strong[1], rel=0.15)
@@ -108,7 +108,7 @@ def test_what_recedes_has_positive_doppler_and_a_standing_sensor_needs_no_compen
         assert np.mean(seen["doppler"]) == pytest.approx(vx, abs=0.05)
         assert set(seen["dyn_prop"]) == {code}
         azimuth = seen["azimuth"].mean()
-        assert azimuth == pytest.approx(-np.radians(2), abs=2e-3)  # the boresight is turned to the left
+        assert azimuth == pytest.approx(-np.radians(2), abs=5e-3)  # the boresight is turned to the left
         assert seen["vx_comp"].mean() == pytest.approx(vx * np.cos(azimuth), abs=0.05)
         assert seen["vy_comp"].mean() == pytest.approx(vx * np.sin(azimuth), abs=0.05)
 
@@ -144,9 +144,9 @@ def test_what_stands_still_has_no_compensated_velocity(radar, yaw_rate):
     seen = seen_at(world, radar, WORLD)
     assert len(seen["doppler"]) > 100
     assert seen["doppler"].mean() < -10
-    # The azimuth's error turns some of the own speed into cross-talk: 0.3 degrees of 20 m/s at the side.
-    assert abs(seen["vx_comp"]).max() < 0.6
-    assert np.median(np.hypot(seen["vx_comp"], seen["vy_comp"])) < 0.06
+    # The azimuth's error turns some of the own speed into cross-talk: 1 degree of 20 m/s at the side.
+    assert abs(seen["vx_comp"]).max() < 1.8
+    assert np.median(np.hypot(seen["vx_comp"], seen["vy_comp"])) < 0.18
     assert np.mean(seen["dyn_prop"] == STATIONARY) > 0.97
 
 
@@ -228,7 +228,7 @@ def test_nothing_outside_the_field_of_view_or_beyond_the_range():
     scan = scan_of(scene(scatterers=reflectors(places, 30.0)), CORNER)
     found = of_body(scan, WORLD)
     assert found.sum() > 100
-    assert np.abs(np.degrees(scan.azimuth[found])).max() < 61.5
+    assert np.abs(np.degrees(scan.azimuth[found])).max() < 64.5
     assert scan.range.max() < 100.5
     np.testing.assert_allclose(np.hypot(scan.x, scan.y), scan.range, rtol=1e-5)
     np.testing.assert_allclose(np.arctan2(scan.y, scan.x), scan.azimuth, atol=1e-5)

@@ -22,8 +22,8 @@ def test_what_is_inside_stays_inside_however_the_box_turns(yaw, along, across, u
     center, wlh = np.array([4.0, -7.0, 0.8]), np.array([1.9, 4.5, 1.6])
     c, s = np.cos(yaw), np.sin(yaw)
     local = np.array([along * wlh[1], across * wlh[0]])
-    point = center + [c * local[0] - s * local[1], s * local[0] + c * local[1], up * wlh[2]]
-    outside = center + [c * wlh[1] * 0.6, s * wlh[1] * 0.6, 0]
+    point = center + np.array([c * local[0] - s * local[1], s * local[0] + c * local[1], up * wlh[2]])
+    outside = center + np.array([c * wlh[1] * 0.6, s * wlh[1] * 0.6, 0.0])
     assert points_in_box(np.stack([point, outside]), center, wlh, yaw).tolist() == [True, False]
 
 

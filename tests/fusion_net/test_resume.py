@@ -11,6 +11,7 @@ from fusion_net.training.fit import fit
 
 STEPS = (
     "trainer.camera_steps=3",
+    "trainer.alone_steps=0",
     "trainer.fusion_steps=9",
     "trainer.batch_size=2",
 )  # three epochs of four batches and more

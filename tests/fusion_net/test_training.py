@@ -44,7 +44,11 @@ def mean(values):
 
 
 def test_the_loss_falls_in_both_stages(data, steps):
-    fit(settings(data, "trainer.camera_steps=12", "trainer.fusion_steps=20", "modality_dropout=0.0"))
+    fit(
+        settings(
+            data, "trainer.camera_steps=12", "trainer.alone_steps=0", "trainer.fusion_steps=20", "modality_dropout=0.0"
+        )
+    )
     for stage, count in (("camera", 12), ("fusion", 20)):
         losses = [loss for name, loss, _ in steps if name == stage]
         assert len(losses) == count
@@ -54,7 +58,12 @@ def test_the_loss_falls_in_both_stages(data, steps):
 def test_modality_dropout_acts_from_its_share_on_and_is_logged(data, steps):
     fit(
         settings(
-            data, "trainer.camera_steps=0", "trainer.fusion_steps=20", "modality_dropout=1.0", "trainer.batch_size=4"
+            data,
+            "trainer.camera_steps=0",
+            "trainer.alone_steps=0",
+            "trainer.fusion_steps=20",
+            "modality_dropout=1.0",
+            "trainer.batch_size=4",
         )
     )
     assert {stage for stage, _, _ in steps} == {"fusion"}
@@ -73,13 +82,19 @@ def test_lidar_alone_trains_and_is_scored(data, steps, tmp_path):
     assert len(boxes) == 1
 
 
-def test_minutes_end_a_run_with_both_stages_and_a_score(data, steps, tmp_path):
+def test_minutes_end_a_run_with_every_stage_and_a_score(data, steps, tmp_path):
     began = time.perf_counter()
     folder = fit(
-        settings(data, "trainer.camera_steps=100000", "trainer.fusion_steps=100000", "trainer.max_minutes=0.03")
+        settings(
+            data,
+            "trainer.camera_steps=100000",
+            "trainer.alone_steps=100000",
+            "trainer.fusion_steps=100000",
+            "trainer.max_minutes=0.03",
+        )
     )
     assert time.perf_counter() - began < 20
-    assert {stage for stage, _, _ in steps} == {"camera", "fusion"}
+    assert {stage for stage, _, _ in steps} == {"camera", "alone", "fusion"}
     assert (folder / "checkpoints" / "best.ckpt").exists()
     assert "val/mAP" in (folder / "metrics.csv").read_text()
 
@@ -96,7 +111,7 @@ def test_minutes_end_a_run_with_both_stages_and_a_score(data, steps, tmp_path):
         ("encoders=[]", "no sensor is named"),
         ("grid.y_max=-112.0", "grid: y from"),
         ("trainer.precision=fp8", "there are auto, bf16, float32"),
-        ("trainer.fusion_steps=0", "fusion_steps=0 >= 1"),
+        ("trainer.fusion_steps=0", "fusion at least 1"),
     ],
 )
 def test_a_mistake_is_refused_before_anything_is_written(data, tmp_path, monkeypatch, override, answer):

@@ -96,7 +96,7 @@ def test_noise_follows_the_cell_the_snr_and_the_cosine():
     assert strong[0] == pytest.approx(0.05 * 0.4, rel=0.15)
     assert strong[1] == pytest.approx(np.radians(0.3 * 3.2), rel=0.15)
     assert strong[2] == pytest.approx(0.05 * 0.1, rel=0.15)
-    assert all(w > 2 * s for w, s in zip(weak, strong, strict=True))
+    assert all(w > 1.3 * s for w, s in zip(weak, strong, strict=True))
     assert side[1] == pytest.approx(2 * strong[1], rel=0.15)
 
 
@@ -147,7 +147,7 @@ def test_what_stands_still_has_no_compensated_velocity(radar, yaw_rate):
     # The azimuth's error turns some of the own speed into cross-talk: 1 degree of 20 m/s at the side.
     assert abs(seen["vx_comp"]).max() < 1.8
     assert np.median(np.hypot(seen["vx_comp"], seen["vy_comp"])) < 0.18
-    assert np.mean(seen["dyn_prop"] == STATIONARY) > 0.97
+    assert np.mean(seen["dyn_prop"] == STATIONARY) > 0.93
 
 
 def test_a_mis_mounted_sensor_compensates_wrongly():

@@ -33,8 +33,9 @@ LABEL_RANGE = 60.0
 MIN_RAYS = 4
 """Camera and LiDAR rays of a keyframe that must reach an object for it to be annotated there: nuScenes' annotators label
 what they can see, and a radar's faint echo from below the lorry in front is not seeing."""
-DECOY = "static_object.decoy"
-"""Category of what is no object but looks like one to some sensor: no detection class, so every metric ignores it."""
+DECOY = "movable_object.debris"
+"""Category of what is no object but looks like one to some sensor: no detection class, so every metric ignores it, and one
+of nuScenes' own, so that the devkit draws it."""
 JPEG_QUALITY = 92
 DEPTH_SCALE = 256.0  # depth image: 1/256 m, KITTI's convention
 

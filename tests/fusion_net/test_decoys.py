@@ -36,12 +36,12 @@ def body(category, x, y, imitates="", speed=0.0, points=5):
 
 BODIES = [
     body("vehicle.truck", 16.0, 4.0),
-    body("static_object.decoy", 22.0, 4.0, imitates="vehicle.truck"),
+    body("movable_object.debris", 22.0, 4.0, imitates="vehicle.truck"),
     body("vehicle.truck", 30.0, -4.0, speed=3.0),  # moves
-    body("static_object.decoy", 34.0, 8.0, imitates="vehicle.truck", points=0),  # nothing met it
-    body("static_object.decoy", -20.0, 0.0, imitates="vehicle.truck"),  # off the grid
+    body("movable_object.debris", 34.0, 8.0, imitates="vehicle.truck", points=0),  # nothing met it
+    body("movable_object.debris", -20.0, 0.0, imitates="vehicle.truck"),  # off the grid
     body("human.pedestrian.adult", 14.0, -3.0),
-    body("static_object.decoy", 14.0, -6.0, imitates="human.pedestrian.child"),
+    body("movable_object.debris", 14.0, -6.0, imitates="human.pedestrian.child"),
     body("vehicle.car", 20.0, -9.0),  # nothing imitates it
 ]
 

@@ -200,7 +200,7 @@ TIPPER_GREY = Material((0.17, 0.18, 0.19), 0.3, "metal", 0.1)
 
 
 def flatbed(rear: float, front: float, width: float, low: float) -> list[Mesh]:
-    """A lorry with an open bed behind its cab, in metres about the ground below its box's centre."""
+    """An open bed from x = ``rear`` to ``front``, ``width`` across, its underside at ``low``: metres in the body's frame."""
     w = width / 2
     bed = box((rear, -w, low), (front, w, low + 0.14), STEEL, top=TIMBER)
     board = box((front - 0.08, -w, low + 0.14), (front, w, low + 1.0), STEEL)

@@ -20,12 +20,14 @@ DECADES = ("illuminance", "visibility")
 class Condition:
     """Weather and light of one scene.
 
-    Units: ``rain_rate`` mm/h, ``visibility`` (meteorological optical range, 5 % contrast) m, ``illuminance`` on the
-    ground lux, sun angles in degrees (azimuth counter-clockwise from global x, elevation above the horizon; negative:
-    set), ``water_film`` mm, ``spray`` whether wheels throw it up.
+    Units: ``rain_rate`` mm/h, ``visibility`` (meteorological optical range, 5 % contrast, of the air with all that floats
+    and falls in it) m, ``illuminance`` on the ground lux, sun angles in degrees (azimuth counter-clockwise from global x,
+    elevation above the horizon; negative: set), ``water_film`` mm, ``spray`` whether wheels throw it up, ``dirt`` the share
+    of a camera's lens that dried dirt covers. ``severity`` is the level of the preset it was drawn from, 1 the mildest.
     """
 
     name: str = "clear"
+    severity: int = 1
     rain_rate: float = 0.0
     visibility: float = CLEAR_MOR
     illuminance: float = 60_000.0
@@ -33,9 +35,11 @@ class Condition:
     sun_elevation: float = 45.0
     water_film: float = 0.0
     spray: bool = False
+    dirt: float = 0.0
 
     def __post_init__(self) -> None:
-        for name, low in (("rain_rate", 0.0), ("visibility", 1.0), ("illuminance", 0.0), ("water_film", 0.0)):
+        lows = {"rain_rate": 0.0, "visibility": 1.0, "illuminance": 0.0, "water_film": 0.0, "dirt": 0.0}
+        for name, low in lows.items():
             if getattr(self, name) < low:
                 raise ValueError(f"condition '{self.name}': {name}={getattr(self, name)} is below {low}")
         if not -90 <= self.sun_elevation <= 90:
@@ -47,6 +51,16 @@ class Condition:
         return math.log(20.0) / self.visibility
 
     @property
+    def rain_extinction(self) -> float:
+        """What the falling drops contribute to it, in 1/m: 3.65e-4 R^0.63 (Marshall and Palmer's sizes, Q_ext = 2)."""
+        return 3.65e-4 * self.rain_rate**0.63
+
+    @property
+    def mist_extinction(self) -> float:
+        """The rest, in 1/m: fog, mist and haze."""
+        return max(self.extinction - self.rain_extinction, 0.0)
+
+    @property
     def is_night(self) -> bool:
         """Whether lamps are lit: under 200 lux."""
         return self.illuminance < 200.0
@@ -55,9 +69,10 @@ class Condition:
 @beartype
 @dataclass(frozen=True, kw_only=True)
 class Preset:
-    """Conditions of one kind: the [lowest, highest] value of each field of :class:`Condition`, in its units.
+    """Conditions of one kind and severity: the [lowest, highest] value of each field of :class:`Condition`, in its units.
 
-    The ``DECADES`` are drawn evenly in their logarithm, the others evenly.
+    The ``DECADES`` are drawn evenly in their logarithm, the others evenly. With ``sun_ahead`` the sun's azimuth counts from
+    the ego's heading: 0 shines into the front camera.
     """
 
     illuminance: list[Number]
@@ -66,7 +81,9 @@ class Preset:
     visibility: list[Number] = field(default_factory=lambda: [CLEAR_MOR, CLEAR_MOR])
     rain_rate: list[Number] = field(default_factory=lambda: [0.0, 0.0])
     water_film: list[Number] = field(default_factory=lambda: [0.0, 0.0])
+    dirt: list[Number] = field(default_factory=lambda: [0.0, 0.0])
     spray: bool = False
+    sun_ahead: bool = False
 
     def __post_init__(self) -> None:
         for key, bounds in self._ranges().items():
@@ -75,35 +92,48 @@ class Preset:
             if key in DECADES and bounds[0] <= 0:
                 raise ValueError(f"condition: {key}={bounds} must be above 0, as it is drawn on a logarithmic scale")
 
-    def draw(self, name: str, rng: np.random.Generator) -> Condition:
-        """One condition of this kind, called ``name``."""
+    def draw(self, name: str, severity: int, heading: float, rng: np.random.Generator) -> Condition:
+        """One condition of this kind, called ``name``. ``heading`` of the ego in radians."""
         values = {}
         for key, (low, high) in self._ranges().items():
             share = rng.random()
             values[key] = float(low * (high / low) ** share if key in DECADES else low + (high - low) * share)
-        return Condition(name=name, spray=self.spray, **values)
+        if self.sun_ahead:
+            values["sun_azimuth"] = (values["sun_azimuth"] + math.degrees(heading) + 180.0) % 360.0 - 180.0
+        return Condition(name=name, severity=severity, spray=self.spray, **values)
 
     def _ranges(self) -> dict[str, list[Number]]:
-        return {key: value for key, value in vars(self).items() if key != "spray"}
+        return {key: value for key, value in vars(self).items() if isinstance(value, list)}
 
 
 @beartype
 @dataclass(frozen=True, kw_only=True)
 class ConditionMix:
-    """Presets by name, and the share of scenes that each gets (in proportion to ``weights``)."""
+    """Presets by name, and the share of scenes that each gets (in proportion to ``weights``).
 
-    presets: dict[str, Preset]
+    A preset has one entry a severity, mildest first. ``severity`` chooses it, None draws it evenly; a preset with fewer
+    levels gives its worst.
+    """
+
+    presets: dict[str, list[Preset]]
     weights: dict[str, Number]
+    severity: int | None = None
 
     def __post_init__(self) -> None:
         if unknown := sorted(self.weights.keys() - self.presets.keys()):
             raise ValueError(f"condition: weights name '{unknown[0]}', but the presets are {', '.join(self.presets)}")
         if min(self.weights.values(), default=0.0) < 0 or sum(self.weights.values()) <= 0:
             raise ValueError(f"condition: weights {self.weights} are negative or all zero")
+        levels = max(len(self.presets[name]) for name, weight in self.weights.items() if weight > 0)
+        if self.severity is not None and not 1 <= self.severity <= levels:
+            there = "there is only one" if levels == 1 else f"severities are 1 to {levels}, or null for any"
+            raise ValueError(f"condition.severity={self.severity}: {there}")
 
-    def draw(self, rng: np.random.Generator) -> Condition:
-        """The condition of one scene."""
+    def draw(self, rng: np.random.Generator, *, heading: float) -> Condition:
+        """The condition of one scene, whose ego starts at ``heading`` (radians, global)."""
         names = sorted(self.weights)
         shares = np.array([self.weights[name] for name in names])
         name = names[rng.choice(len(names), p=shares / shares.sum())]
-        return self.presets[name].draw(name, rng)
+        levels = self.presets[name]
+        severity = min(self.severity or int(rng.integers(len(levels))) + 1, len(levels))
+        return levels[severity - 1].draw(name, severity, heading, rng)

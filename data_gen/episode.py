@@ -50,5 +50,5 @@ def build_episode(*, name: str, layout: str, seed: int, duration: float, conditi
         ground_faces=world.ground_faces,
         ground=world.ground,
         world_scatterers=world.scatterers,
-        condition=condition.draw(stream(seed, "condition")),
+        condition=condition.draw(stream(seed, "condition"), heading=float(recorded.ego.at(0.0)[1])),
     )

@@ -35,7 +35,7 @@ def job(root, rig, *, num_scenes=3, seed=5, **weights):
     )
     scenario = Scenario(layouts={"train": {"highway": 1, "two_way": 1}})
     clear = Preset(illuminance=[40_000.0, 80_000.0], sun_elevation=[30.0, 60.0])
-    condition = ConditionMix(presets={"clear": clear}, weights={"clear": 1.0})
+    condition = ConditionMix(presets={"clear": [clear]}, weights={"clear": 1.0})
     return Job(data=data, rig=rig, scenario=scenario, condition=condition, seed=seed)
 
 

@@ -11,7 +11,7 @@ from data_gen.mesh import Asset
 from data_gen.stage import Spot, Stage
 from data_gen.track import Track
 
-DECOY_SHARE = 0.5
+DECOY_SHARE = 0.25
 """Of parked trucks, buses and trailers, and of standing pedestrians."""
 LARGE = ("truck", "bus", "trailer", "construction_vehicle")
 CYCLES = ("motorcycle", "bicycle")
@@ -59,7 +59,7 @@ def _off_road(stage: Stage, center: np.ndarray, yaw: float, asset: Asset) -> boo
 
 
 def stand(stage: Stage) -> bool:
-    """Somebody who stands on the pavement, facing anywhere; half of them are dummies."""
+    """Somebody who stands on the pavement, facing anywhere; some of them are dummies."""
     rng = stage.rng
     asset = draw_asset("pedestrian", rng, "standing")
     is_decoy = rng.uniform() < DECOY_SHARE

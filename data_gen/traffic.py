@@ -28,8 +28,16 @@ SHOWN = {
     "bicycle": 0.8,
 }
 """Mean number of objects in the front sector at a time that parked and cycling ones fill up to."""
-YIELD = {"car": 0.75, "motorcycle": 0.75, "bicycle": 0.6, "bus": 0.28, "trailer": 0.26, "construction_vehicle": 0.45}
-"""Share of the tries that end as an object in sight; of the other kinds half become decoys."""
+YIELD = {
+    "car": 0.75,
+    "motorcycle": 0.75,
+    "bicycle": 0.6,
+    "truck": 0.45,
+    "bus": 0.42,
+    "trailer": 0.39,
+    "construction_vehicle": 0.67,
+}
+"""Share of the tries that end as an object in sight: not every spot has room, and some of the large become decoys."""
 MOVING = 0.4
 """Speed in m/s from which a vehicle counts as moving."""
 SLOW = 12.0
@@ -119,7 +127,7 @@ def _fill_up(stage: Stage, kind: str, density: float) -> None:
     """Parked and cycling ones, until the front sector shows about as many of a kind as :data:`SHOWN` says."""
     category = build_asset(kind, 0, 0).category
     missing = density * SHOWN[kind] - stage.shown(".".join(category.split(".")[:2]))
-    for _ in range(stage.rng.poisson(max(missing, 0.0) / YIELD.get(kind, 0.3))):
+    for _ in range(stage.rng.poisson(max(missing, 0.0) / YIELD[kind])):
         if kind in ("motorcycle", "bicycle") and stage.rng.uniform() < 0.55:
             cycle(stage, kind)
         else:

@@ -41,20 +41,27 @@ def center_nll(maps: dict[str, Tensor], targets: Targets, *, cell: float, reach:
     sample, row, column = targets.mask.nonzero(as_tuple=True)
     if not len(sample):
         return maps["log_variance"].sum() * 0.0
-    rows, columns = targets.mask.shape[1:]
-    step = torch.arange(-reach, reach + 1, device=row.device)
-    near_row, near_column = (x.flatten() for x in torch.meshgrid(step, step, indexing="ij"))
-    r, c = row[:, None] + near_row, column[:, None] + near_column  # (M, window)
-    inside = (r >= 0) & (r < rows) & (c >= 0) & (c < columns)
+    r, c, moved, inside = _window(targets.mask, row, column, reach)
     label = targets.heatmap[sample, :, row, column].argmax(dim=1)
-    heat = maps["heatmap"].detach()[sample[:, None], label[:, None], r.clamp(0, rows - 1), c.clamp(0, columns - 1)]
+    heat = maps["heatmap"].detach()[sample[:, None], label[:, None], r, c]
     peak = heat.masked_fill(~inside, -torch.inf).argmax(dim=1)
-    r, c = row + near_row[peak], column + near_column[peak]
-    moved = torch.stack([near_column[peak], near_row[peak]], dim=1) * cell
-    center = maps["offset"][sample, :, r, c] + moved
+    own = torch.arange(len(peak), device=peak.device)
+    r, c = r[own, peak], c[own, peak]
+    center = maps["offset"][sample, :, r, c] + moved[peak] * cell
     error = (center if joint else center.detach()) - targets.offset[sample, :, row, column]
     log_variance = maps["log_variance"][sample, :, r, c].clamp(-8.0, 6.0)
     return (0.5 * (log_variance + error**2 * (-log_variance).exp())).sum(dim=1).mean()
+
+
+def _window(mask: Tensor, row: Tensor, column: Tensor, reach: int) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """The W = (2 * reach + 1)^2 cells around each of M cells of ``mask`` (B, Y, X): rows and columns (M, W) clamped to the
+    map, steps (W, 2) along x and y, and which lie on the map (M, W)."""
+    step = torch.arange(-reach, reach + 1, device=row.device)
+    near_row, near_column = (x.flatten() for x in torch.meshgrid(step, step, indexing="ij"))
+    r, c = row[:, None] + near_row, column[:, None] + near_column
+    rows, columns = mask.shape[1:]
+    inside = (r >= 0) & (r < rows) & (c >= 0) & (c < columns)
+    return r.clamp(0, rows - 1), c.clamp(0, columns - 1), torch.stack([near_column, near_row], dim=1), inside
 
 
 def depth_loss(logits: Tensor, depth: Tensor, weight: Tensor, bins: DepthBins) -> Tensor:
@@ -70,7 +77,9 @@ class DetectionLoss:
     """Weighted losses by name. The weights are those that a study on generated scenes found to work in minutes.
 
     ``depth_supervision``: "none", "lidar" (the cells that a return falls on) or "dense" (exact depth, where generated).
-    ``object_weight``: how much more a depth cell on an object counts: detection follows the depth of objects.
+    The box is learnt in the cells up to ``spread`` from an object's own, since its peak may come to lie there; the variance
+    at the strongest of those up to ``reach``. ``object_weight``: how much more a depth cell on an object counts: detection
+    follows the depth of objects.
     """
 
     def __init__(
@@ -92,15 +101,12 @@ class DetectionLoss:
         classes: float = 0.5,
         object_weight: float = 4.0,
         reach: int = 3,
+        spread: int = 1,
     ) -> None:
         self.bins, self.cell, self.depth_supervision = bins, cell, depth_supervision
         self.regressions = {"offset": offset, "height": height, "size": size, "rot": rot, "velocity": velocity}
-        self.heatmap_weight, self.variance_weight, self.joint_variance, self.reach = (
-            heatmap,
-            log_variance,
-            joint_variance,
-            reach,
-        )
+        self.heatmap_weight, self.variance_weight, self.joint_variance = heatmap, log_variance, joint_variance
+        self.reach, self.spread = reach, spread
         self.depth_weight, self.log_depth_weight, self.class_weight = depth, log_depth, classes
         self.object_weight = object_weight
 
@@ -122,9 +128,14 @@ class DetectionLoss:
             raise ValueError("loss: the batch has no targets; the reader makes them for training and validation only")
         sample, row, column = targets.mask.nonzero(as_tuple=True)
         terms = {"loss/heatmap": self.heatmap_weight * focal_loss(maps["heatmap"], targets.heatmap)}
+        r, c, moved, inside = _window(targets.mask, row, column, self.spread)
+        own = (moved == 0).all(dim=1)
+        inside = inside & (own | ~targets.mask[sample[:, None], r, c])  # a cell that is another object's own is its
         for name, weight in self.regressions.items():
-            values, target = maps[name][sample, :, row, column], getattr(targets, name)[sample, :, row, column]
-            terms[f"loss/{name}"] = weight * masked_l1(values, target)
+            target = getattr(targets, name)[sample, :, row, column][:, None].expand(-1, len(own), -1)
+            target = target - moved * self.cell if name == "offset" else target
+            values = maps[name][sample[:, None], :, r, c]
+            terms[f"loss/{name}"] = weight * masked_l1(values[inside], target[inside])
         nll = center_nll(maps, targets, cell=self.cell, reach=self.reach, joint=self.joint_variance)
         return terms | {"loss/log_variance": self.variance_weight * nll}
 

@@ -70,6 +70,24 @@ def test_variance_answers_for_the_peak_that_is_decoded():
     assert center_nll(maps, targets, cell=1.0, reach=2) - near == pytest.approx(0.5 * 2.0**2)
 
 
+def test_the_box_is_learnt_around_the_centre_as_seen_from_each_cell():
+    """Offsets that point to the centre from every neighbour cost nothing; one cell further, nothing is asked."""
+    maps, targets = _single(0.0, 0.0)
+    maps |= {
+        name: torch.zeros(1, c, *GRID.shape) for name, c in (("height", 1), ("size", 3), ("rot", 2), ("velocity", 2))
+    }
+    rows, columns = torch.meshgrid(*(torch.arange(n) for n in GRID.shape), indexing="ij")
+    maps["offset"][0] = torch.stack([9 - columns, 4 - rows]) * GRID.cell
+    loss = DetectionLoss(bins=BINS, cell=GRID.cell)
+    assert loss.boxes(maps, targets)["loss/offset"] == 0
+    maps["offset"][0, :, 4, 11] += 7.0
+    assert loss.boxes(maps, targets)["loss/offset"] == 0
+    maps["offset"][0, 0, 4, 10] += 0.9
+    assert loss.boxes(maps, targets)["loss/offset"] == pytest.approx(0.5 * 0.9 / 9)
+    narrow = DetectionLoss(bins=BINS, cell=GRID.cell, spread=0)
+    assert narrow.boxes(maps, targets)["loss/offset"] == 0
+
+
 def test_depth_cells_without_return_teach_nothing():
     logits = torch.randn(1, 1, BINS.count, 2, 3, requires_grad=True)
     depth = torch.tensor([[[[0.0, 10.0, 70.0], [1.0, 30.0, 0.0]]]])

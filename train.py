@@ -1,5 +1,7 @@
 """``python train.py experiment=nano name=NAME``: trains a detector into runs/NAME."""
 
+from pathlib import Path
+
 from omegaconf import DictConfig
 
 from fusion_net.cli import command
@@ -8,9 +10,17 @@ from fusion_net.cli import command
 @command(config_name="train")
 def main(cfg: DictConfig) -> None:
     """Trains what ``cfg`` describes."""
+    from fusion_net.run_dir import is_finished
     from fusion_net.training.fit import fit
 
-    folder = fit(cfg)
+    folder = Path("runs") / str(cfg.name)
+    if cfg.skip_finished:
+        if is_finished(folder, cfg):
+            print(f"{folder} is finished")
+            return
+        cfg.resume = (folder / "checkpoints" / "last.ckpt").exists()
+        cfg.overwrite = not cfg.resume
+    fit(cfg)
     print(f"done; score it with: python eval.py run={folder}")
 
 

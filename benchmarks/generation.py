@@ -1,8 +1,11 @@
-"""How fast data are generated, and where the time goes: ``python -m benchmarks.generation [rig=NAME ...]``.
+"""How fast data are generated, where the time goes, and whether a worker's memory stays flat.
 
-Makes the same few scenes in one process and in two, each twice: the first pass compiles and builds every asset, which a
-long run does once, the second is timed. Overrides are those of ``python -m data_gen``. Time a core is processor time, which
-other programs disturb less than the clock.
+    python -m benchmarks.generation [data=surround condition=mixed ...]     speed; without data= of nano and of surround
+    python -m benchmarks.generation memory=500                              one worker, 500 small scenes
+
+Speed: the same few scenes in one process and in two, each twice: the first pass compiles and builds every asset, which a
+long run does once, the second is timed. Other arguments are overrides of ``python -m data_gen``. Time a core is processor
+time, which other programs disturb less than the clock.
 """
 
 import json
@@ -18,10 +21,18 @@ from typing import Any
 from hydra import compose, initialize_config_dir
 
 from data_gen import capture, episode
-from data_gen.generate import DataConfig, Job, limit_threads, make_folders
+from data_gen.generate import DataConfig, Job, make_folders
+from data_gen.workers import limit_threads
 from fusion_net.cli import CONFIGS, build
 
-SCENES = 24
+DATA = {"nano": 24, "surround": 8}
+"""Data sets and how many scenes of each are timed."""
+SMALL = [
+    "data=nano", "data.keyframes=1", "rig.cameras.CAM_FRONT.width=64", "rig.cameras.CAM_FRONT.height=32",
+    "rig.cameras.CAM_FRONT.principal=[32.0,16.0]", "rig.lidars.LIDAR_TOP.columns=217",
+]  # fmt: skip
+"""The scenes that show the memory: all that differs between scenes, few rays."""
+REPORT_EVERY = 50
 STEPS = {
     "simulate": (episode, "record_layout"),
     "traffic": (episode, "populate"),
@@ -53,19 +64,20 @@ class Stopwatch:
         return timed
 
 
+def prepared(root: str, overrides: list[str], scenes: int) -> Job:
+    """A job with its folders made."""
+    with initialize_config_dir(str(CONFIGS), version_base="1.3"):
+        cfg = compose("data_gen", overrides=overrides)
+    parts = {name: build(cfg[name], name) for name in ("rig", "scenario", "condition")}
+    job = Job(DataConfig("speed", root, scenes, int(cfg.data.keyframes)), **parts, seed=cfg.seed)
+    make_folders(job)
+    return job
+
+
 def make(root: str, overrides: list[str], indices: range) -> dict[str, Any]:
     """Scenes ``indices`` for the second time: seconds of processor and clock, the split in ms a keyframe, megabytes."""
     limit_threads()
-    with initialize_config_dir(str(CONFIGS), version_base="1.3"):
-        cfg = compose("data_gen", overrides=overrides)
-    keyframes = int(cfg.data.keyframes)
-    parts = {name: build(cfg[name], name) for name in ("rig", "scenario", "condition")}
-    jobs = [
-        Job(DataConfig("speed", f"{root}/{time_}", SCENES, keyframes), **parts, seed=cfg.seed)
-        for time_ in ("warm_up", "timed")
-    ]
-    for job in jobs:
-        make_folders(job)
+    jobs = [prepared(f"{root}/{pass_}", overrides, indices.stop) for pass_ in ("warm_up", "timed")]
     started = time.perf_counter()
     jobs[0].make(indices[0], "train")
     first = time.perf_counter() - started
@@ -76,20 +88,19 @@ def make(root: str, overrides: list[str], indices: range) -> dict[str, Any]:
         jobs[1].make(index, "train")
     cpu, clock = time.process_time() - cpu, time.perf_counter() - clock
     watch.seconds["files"] = cpu - sum(watch.seconds.values())
-    frames = len(indices) * keyframes
+    frames = len(indices) * jobs[1].data.keyframes
     split = {step: 1e3 * seconds / frames for step, seconds in watch.seconds.items()}
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     return {
-        "frames": frames, "cpu_s": cpu, "clock_s": clock, "first_scene_s": first, "resident_mb": memory,
+        "frames": frames, "cpu_s": cpu, "clock_s": clock, "first_scene_s": first, "peak_mb": memory,
         "ms_per_keyframe": split,
     }  # fmt: skip
 
 
-def main() -> None:
-    """Print the table and, last, one JSON object."""
-    overrides = sys.argv[1:]
-    shares = {1: [range(SCENES)], 2: [range(0, SCENES, 2), range(1, SCENES, 2)]}
-    runs = {}
+def speed(name: str, overrides: list[str]) -> dict[str, Any]:
+    """Prints the table of one data set; returns its figures."""
+    scenes = DATA.get(name, DATA["surround"])
+    shares, runs = {1: [range(scenes)], 2: [range(0, scenes, 2), range(1, scenes, 2)]}, {}
     for workers, parts in shares.items():
         with tempfile.TemporaryDirectory() as folder, multiprocessing.get_context("spawn").Pool(workers) as pool:
             jobs = [(str(Path(folder) / str(n)), overrides, share) for n, share in enumerate(parts)]
@@ -97,19 +108,55 @@ def main() -> None:
     one = runs[1][0]
     per_core, per_clock = one["frames"] / one["cpu_s"], one["frames"] / one["clock_s"]
     together = sum(run["frames"] for run in runs[2]) / max(run["clock_s"] for run in runs[2])
-    print(f"{one['frames']} keyframes; the very first scene took {one['first_scene_s']:.1f} s")
+    print(f"{name}: {one['frames']} keyframes; the very first scene took {one['first_scene_s']:.1f} s")
     print(
         f"keyframes a second: {per_core:.1f} a core-second, {per_clock:.1f} with one process, {together:.1f} with two"
     )
     for step, milliseconds in one["ms_per_keyframe"].items():
         print(f"{step:14}{milliseconds:8.1f} ms a keyframe")
-    print(f"resident memory {max(run['resident_mb'] for run in runs[2]):.0f} MB a process")
-    figures = {
+    print(f"peak memory {max(run['peak_mb'] for run in runs[2]):.0f} MB a process\n")
+    return {
         "keyframes_per_core_second": per_core, "keyframes_per_second_1": per_clock, "keyframes_per_second_2": together,
         "speedup_2_over_1": together / per_clock, "runs": runs,
     }  # fmt: skip
-    print(json.dumps(figures))
+
+
+def memory(scenes: int, overrides: list[str]) -> dict[str, Any]:
+    """Makes small scenes one after the other and prints the resident size now and then; returns it in MB by scene."""
+    limit_threads()
+    resident = {}
+    with tempfile.TemporaryDirectory() as folder:
+        job = prepared(folder, [*SMALL, *overrides], scenes)
+        for index in range(scenes):
+            job.make(index, "train")
+            if (index + 1) % REPORT_EVERY == 0:
+                resident[index + 1] = round(_resident_mb(), 1)
+                print(f"{index + 1:6} scenes{resident[index + 1]:8.1f} MB", flush=True)
+    late = {n: mb for n, mb in resident.items() if n >= scenes // 2}
+    growth = (late[max(late)] - late[min(late)]) / max(max(late) - min(late), 1) * 100 if late else float("nan")
+    print(f"{growth:.1f} MB more every 100 scenes, over the second half")
+    return {"resident_mb": resident, "growth_mb_per_100_scenes": growth}
+
+
+def _resident_mb() -> float:
+    """Resident size now; where there is no /proc, its peak so far."""
+    pages = Path("/proc/self/statm")
+    if pages.exists():
+        return int(pages.read_text().split()[1]) * resource.getpagesize() / 2**20
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+
+
+def main(arguments: list[str]) -> None:
+    """Print the tables and, last, one JSON object."""
+    overrides = [argument for argument in arguments if not argument.startswith("memory=")]
+    if len(overrides) < len(arguments):
+        scenes = next(int(a.removeprefix("memory=")) for a in arguments if a.startswith("memory="))
+        print(json.dumps(memory(scenes, overrides)))
+        return
+    named = [argument.removeprefix("data=") for argument in arguments if argument.startswith("data=")]
+    sets = {name: [f"data={name}", *(o for o in overrides if not o.startswith("data="))] for name in named or DATA}
+    print(json.dumps({name: speed(name, given) for name, given in sets.items()}))
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

@@ -1,5 +1,7 @@
 """``python -m data_gen data=nano``: generates a data set in the nuScenes format."""
 
+import shlex
+import sys
 from typing import Any, cast
 
 from omegaconf import DictConfig, OmegaConf
@@ -9,8 +11,9 @@ from fusion_net.cli import build, command
 
 @command(config_name="data_gen")
 def main(cfg: DictConfig) -> None:
-    """Generates ``cfg.data`` with ``cfg.rig``, ``cfg.scenario`` and ``cfg.condition``."""
+    """Generates ``cfg.data`` with ``cfg.rig``, ``cfg.scenario``, ``cfg.condition`` and ``cfg.fault``."""
     from data_gen.generate import Job, generate
+    from data_gen.shard import Shard
 
     data = build(cfg.data, "data")
     job = Job(
@@ -18,14 +21,21 @@ def main(cfg: DictConfig) -> None:
         rig=build(cfg.rig, "rig"),
         scenario=build(cfg.scenario, "scenario"),
         condition=build(cfg.condition, "condition"),
+        faults=build(cfg.fault, "fault"),
         seed=cfg.seed,
     )
     settings = cast(dict[str, Any], OmegaConf.to_container(cfg, resolve=True))
-    manifest = generate(job, settings=settings, workers=cfg.workers)
+    manifest = generate(
+        job,
+        settings=settings,
+        workers=cfg.workers,
+        shard=None if cfg.shard is None else Shard.parse(str(cfg.shard)),
+        command=shlex.join(["python", "-m", "data_gen", *sys.argv[1:]]),
+    )
     counts = manifest["counts"]
     print(
-        f"{data.root}: {counts['scene']} scenes, {counts['sample']} keyframes, {counts['sample_annotation']} boxes;"
-        f" manifest {manifest['hash'][:12]}"
+        f"{manifest['data']['root']}: {counts['scene']} scenes, {counts['sample']} keyframes,"
+        f" {counts['sample_annotation']} boxes; manifest {manifest['hash'][:12]}"
     )
 
 

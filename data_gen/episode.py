@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from beartype import beartype
 
 from data_gen.conditions import ConditionMix
+from data_gen.coverage import FRONT, View
 from data_gen.layout import LAYOUTS, record_layout
 from data_gen.random import stream
 from data_gen.scene import Scene
@@ -38,17 +39,21 @@ class Scenario:
         return str(stream(seed, "layout").choice(names, p=[weight / total for weight in share]))
 
 
-def build_episode(*, name: str, layout: str, seed: int, duration: float, condition: ConditionMix) -> Scene:
-    """The scene called ``name`` on a named layout: all else follows from ``seed``. ``duration`` in seconds."""
+def build_episode(
+    *, name: str, layout: str, seed: int, duration: float, condition: ConditionMix, view: View = FRONT
+) -> Scene:
+    """The scene called ``name`` on a named layout: all else follows from ``seed``. ``duration`` in seconds; ``view`` is where
+    the rig looks: it is filled as densely as a front camera's."""
     recorded = record_layout(layout, seed=seed, duration=duration)
+    weather = condition.draw(stream(seed, "condition"), heading=float(recorded.ego.at(0.0)[1]))
     world = build_world(recorded, seed=seed)
     return Scene(
         name=name,
         ego=recorded.ego,
-        actors=populate(recorded, seed=seed),
+        actors=populate(recorded, seed=seed, density=view.half / FRONT.half, view=view, lorry_ahead=weather.spray),
         world=world.mesh,
         ground_faces=world.ground_faces,
         ground=world.ground,
         world_scatterers=world.scatterers,
-        condition=condition.draw(stream(seed, "condition"), heading=float(recorded.ego.at(0.0)[1])),
+        condition=weather,
     )

@@ -2,38 +2,34 @@
 
 A scene's rows are written to ``scenes/NAME.json`` when all its files are on disk, so an interrupted run loses at most the
 scenes it was at. Tables, splits and the finished manifest come last. Which scenes exist and what they hold depends on the
-settings and on the scene's index, never on the number of workers or scenes.
+settings and on the scene's index, never on the number of workers, shards or scenes.
 """
 
-import fcntl
-import hashlib
+import errno
 import json
-import multiprocessing.connection
 import os
-import shutil
-import threading
 import time
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-import cv2
 from beartype import beartype
-from tqdm import tqdm
 
 from data_gen import tables
 from data_gen.conditions import ConditionMix
+from data_gen.coverage import view_of
 from data_gen.episode import Scenario, build_episode
+from data_gen.jit import compilation_announced
+from data_gen.manifest import check_folder, check_parent, make_manifest, only_generator
+from data_gen.progress import Progress
 from data_gen.random import stream
 from data_gen.rig import Rig
+from data_gen.shard import Shard
+from data_gen.workers import run_parallel
 from data_gen.writer import write_json, write_scene
-
-FORMAT = 1
-"""Raised when the same settings give other bytes than before: old folders are then not continued."""
+from fusion_net.data.faults import Fault, FaultPlan
 
 
 @beartype
@@ -75,6 +71,10 @@ class Job:
     scenario: Scenario
     condition: ConditionMix
     seed: int
+    faults: list[Fault] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        FaultPlan(self.faults).check(self.rig.modalities)
 
     def make(self, index: int, split: str) -> None:
         """Renders and writes one scene."""
@@ -82,10 +82,12 @@ class Job:
         seed = int(stream(self.seed, "scene", index).integers(2**62))
         duration = 1.0 + self.data.keyframes / self.rig.keyframe_rate
         layout = self.scenario.draw(split, seed=seed)
-        scene = build_episode(name=name, layout=layout, seed=seed, duration=duration, condition=self.condition)
+        scene = build_episode(
+            name=name, layout=layout, seed=seed, duration=duration, condition=self.condition, view=view_of(self.rig)
+        )
         rows = write_scene(
             scene, self.rig, root=Path(self.data.root), dataset=self.data.name, index=index,
-            keyframes=self.data.keyframes, seed=seed, layout=layout,
+            keyframes=self.data.keyframes, seed=seed, layout=layout, faults=FaultPlan(self.faults, self.seed),
         )  # fmt: skip
         write_json(record_path(Path(self.data.root), index), rows)
 
@@ -100,28 +102,33 @@ def record_path(root: Path, index: int) -> Path:
     return root / "scenes" / f"{scene_name(index)}.json"
 
 
-def generate(job: Job, *, settings: dict[str, Any], workers: int | None = None) -> dict[str, Any]:
-    """Makes every scene that is missing, then the tables. ``settings`` are the resolved ones, for the manifest.
+def generate(
+    job: Job, *, settings: dict[str, Any], workers: int | None = None, shard: Shard | None = None, command: str = ""
+) -> dict[str, Any]:
+    """Makes every scene that is missing, then the tables; of a shard, its own scenes in its own folder. ``settings`` are the
+    resolved ones, for the manifest, and ``command`` is what to type again if it is interrupted.
 
     Returns the manifest. Raises ValueError when the folder holds something else, OSError when the disk does not take it.
     """
     if workers is not None and not (isinstance(workers, int) and workers >= 1):
         raise ValueError(f"workers={workers} is not a number of processes: 1 or more, or null for one a core")
-    root = Path(job.data.root)
-    manifest = _manifest(job, settings)
-    _check_folder(root, manifest)
-    make_folders(job)
-    with _only_generator(root):
+    parent, splits = Path(job.data.root), dict(enumerate(job.data.splits()))
+    if shard is not None:
+        splits = {index: splits[index] for index in shard.scenes(job.data.num_scenes)}
+        job = replace(job, data=replace(job.data, root=str(shard.folder(parent))))
+    root, manifest = Path(job.data.root), _manifest(job, settings, shard, command)
+    if shard is not None:
+        check_parent(parent, root, manifest)
+    check_folder(root, manifest)
+    with only_generator(root), _disk_named(root):
         write_json(root / "manifest.json", manifest)
-        splits = job.data.splits()
-        missing = [index for index in range(job.data.num_scenes) if not record_path(root, index).exists()]
+        make_folders(job)
+        missing = [index for index in splits if not _is_finished(record_path(root, index))]
         started = time.perf_counter()
         _make_all(job, missing, splits, workers or os.cpu_count() or 1)
         seconds = time.perf_counter() - started
-        counts = tables.write_tables(
-            root, job.data.name, job.rig, [record_path(root, index) for index in range(len(splits))], splits
-        )
-        manifest |= {"complete": True, "counts": counts}
+        records = {record_path(root, index): split for index, split in splits.items()}
+        manifest |= {"complete": True, "counts": tables.write_tables(root, job.data.name, job.rig, records)}
         write_json(root / "manifest.json", manifest)
     frames = len(missing) * job.data.keyframes
     if frames:
@@ -136,104 +143,42 @@ def make_folders(job: Job) -> None:
         (Path(job.data.root) / folder).mkdir(parents=True, exist_ok=True)
 
 
-def _make_all(job: Job, missing: list[int], splits: list[str], workers: int) -> None:
-    bar = tqdm(
-        total=len(splits), initial=len(splits) - len(missing), desc=f"data_gen {job.data.name}", unit="scene",
-        mininterval=None if os.isatty(2) else 20, ascii=True,
-    )  # fmt: skip
-    with bar:
-        if workers == 1 or len(missing) <= 1:
-            for index in missing:
-                job.make(index, splits[index])
-                bar.update()
+def _make_all(job: Job, missing: list[int], splits: dict[int, str], workers: int) -> None:
+    title = f"data_gen {Path(job.data.root).name}"
+    progress = Progress(title, total=len(splits), done=len(splits) - len(missing), unit="scene")
+    scenes = [(index, splits[index]) for index in missing]
+    with progress, compilation_announced(progress.say):
+        if workers > 1 and len(scenes) > 1:
+            run_parallel(job.make, scenes, workers=min(workers, len(scenes) - 1), done=progress.update)
             return
-        context = multiprocessing.get_context("spawn")
-        with ProcessPoolExecutor(min(workers, len(missing)), mp_context=context, initializer=_start_worker) as pool:
-            futures = [pool.submit(job.make, index, splits[index]) for index in missing]
-            try:
-                for future in as_completed(futures):
-                    future.result()
-                    bar.update()
-            except BrokenProcessPool as error:
-                raise OSError(
-                    "a worker process was killed, perhaps for want of memory; finished scenes are kept, and the same"
-                    " command goes on (workers=1 takes the least memory)"
-                ) from error
-            except BaseException:
-                pool.shutdown(wait=True, cancel_futures=True)
-                raise
+        for scene in scenes:
+            job.make(*scene)
+            progress.update()
 
 
-def limit_threads() -> None:
-    """A worker is one process on one core: libraries must not start threads of their own in it."""
-    cv2.setNumThreads(1)
+def _manifest(job: Job, settings: dict[str, Any], shard: Shard | None, command: str) -> dict[str, Any]:
+    content = {key: value for key, value in settings.items() if key not in ("data", "workers", "shard")}
+    content |= {name: getattr(job.data, name) for name in ("name", "keyframes", "split_weights")}
+    share = asdict(shard) if shard else None
+    return make_manifest(content, num_scenes=job.data.num_scenes, data=asdict(job.data), shard=share, command=command)
 
 
-def _start_worker() -> None:
-    """One thread, and an end when the parent ends, even if that is killed: orphans would wait for work for ever."""
-    limit_threads()
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        threading.Thread(target=_end_with, args=(parent.sentinel,), daemon=True).start()
-
-
-def _end_with(sentinel: int) -> None:
-    multiprocessing.connection.wait([sentinel])
-    os._exit(1)
-
-
-def _manifest(job: Job, settings: dict[str, Any]) -> dict[str, Any]:
-    content = {key: value for key, value in settings.items() if key not in ("data", "workers")}
-    content["keyframes"], content["split_weights"] = job.data.keyframes, job.data.split_weights
-    digest = hashlib.sha256(json.dumps([FORMAT, content], sort_keys=True).encode()).hexdigest()
-    return {
-        "format": FORMAT, "hash": digest, "complete": False, "name": job.data.name, "num_scenes": job.data.num_scenes,
-        "settings": content, "data": asdict(job.data),
-    }  # fmt: skip
-
-
-def _check_folder(root: Path, manifest: dict[str, Any]) -> None:
-    if root.exists() and not root.is_dir():
-        raise ValueError(f"data.root={root} is a file, not a folder")
-    path = root / "manifest.json"
-    if not path.exists():
-        if root.exists() and any(root.iterdir()):
-            raise ValueError(f"data.root={root} holds other files and no manifest; pass data.root=ANOTHER_FOLDER")
-        return
+def _is_finished(record: Path) -> bool:
+    """Whether a scene's record is there and whole: after a power cut a file can be shorter than what was written."""
     try:
-        old = json.loads(path.read_text())
-        differs = [] if old["hash"] == manifest["hash"] else _differences(old["settings"], manifest["settings"])
-        same_format = old["format"] == FORMAT
-    except (json.JSONDecodeError, KeyError, TypeError) as error:
-        raise ValueError(f"{path} is damaged ({error}); delete {root} and generate it again") from error
-    if not same_format:
-        raise ValueError(
-            f"{root} was made by format {old['format']} of the generator, this is {FORMAT}; pass data.root=NEW"
-        )
-    if differs:
-        raise ValueError(
-            f"{root} was generated with other settings ({', '.join(differs[:3])}); pass data.root=ANOTHER_FOLDER, or"
-            f" delete {root}"
-        )
-
-
-def _differences(old: Any, new: Any, path: str = "") -> list[str]:
-    """Dotted names of the settings that differ, with both values."""
-    if isinstance(old, dict) and isinstance(new, dict):
-        return [d for key in sorted({*old, *new}) for d in _differences(old.get(key), new.get(key), f"{path}.{key}")]
-    return [] if old == new else [f"{path[1:]}: {old} there, {new} asked for"]
+        return bool(json.loads(record.read_bytes()))
+    except (FileNotFoundError, ValueError):
+        return False
 
 
 @contextmanager
-def _only_generator(root: Path) -> Iterator[None]:
-    """One generator a folder: a second one gets an error instead of a mixed tree."""
-    with open(root / ".lock", "w") as lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            raise ValueError(
-                f"another generator is writing to {root}; wait for it or pass data.root=ANOTHER"
-            ) from error
-        if shutil.disk_usage(root).free < 50 * 2**20:
-            raise OSError(f"less than 50 MiB are free on the disk of {root}; scenes already written are kept")
+def _disk_named(root: Path) -> Iterator[None]:
+    """A full disk is said to be one, with what to do about it."""
+    try:
         yield
+    except OSError as error:
+        if error.errno not in (errno.ENOSPC, errno.EDQUOT):
+            raise
+        raise OSError(
+            f"the disk of {root} is full ({error}); finished scenes are kept: make room and give the same command again"
+        ) from error

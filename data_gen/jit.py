@@ -1,9 +1,12 @@
 """Compilation of the loops that numpy has no words for."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import partial
+from typing import Any
 
 from numba import njit
+from numba.core import event
 
 _compile = partial(njit, fastmath={"contract", "reassoc", "nsz", "arcp", "afn"}, error_model="numpy")
 """Fast arithmetic that still knows infinity and NaN."""
@@ -19,3 +22,23 @@ def jit(function: Callable) -> Callable:
         return _compile(cache=True)(function)
     except RuntimeError:  # no folder for the cache
         return _compile()(function)
+
+
+@contextmanager
+def compilation_announced(say: Callable[[str], Any]) -> Iterator[None]:
+    """Calls ``say`` with a line when, for the first time in here, something is compiled that no cache on disk holds."""
+    with event.install_listener("numba:compile", _Once(say)):
+        yield
+
+
+class _Once(event.Listener):
+    def __init__(self, say: Callable[[str], Any]) -> None:
+        self.say, self.said = say, False
+
+    def on_start(self, event: event.Event) -> None:
+        if not self.said:
+            self.said = True
+            self.say("compiling the ray kernels: once, about half a minute")
+
+    def on_end(self, event: event.Event) -> None:
+        pass

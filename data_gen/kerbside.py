@@ -8,6 +8,7 @@ import numpy as np
 
 from data_gen.assets import PAINTS, VARIANT_NAMES, build_asset, decoy_of, giant
 from data_gen.mesh import Asset
+from data_gen.road_marks import crossings
 from data_gen.stage import Spot, Stage
 from data_gen.track import Track
 
@@ -15,6 +16,8 @@ DECOY_SHARE = 0.25
 """Of parked trucks, buses and trailers, and of standing pedestrians."""
 LARGE = ("truck", "bus", "trailer", "construction_vehicle")
 CYCLES = ("motorcycle", "bicycle")
+ON_ZEBRA = 0.7
+"""Of those who cross the road in sight of a zebra crossing."""
 WALKING = (0.6, 1.9)
 """Range of walking speeds in m/s."""
 
@@ -91,19 +94,38 @@ def _smooth(track: Track) -> bool:
 
 
 def cross(stage: Stage) -> bool:
-    """Somebody who crosses the road, where nobody drives meanwhile."""
+    """Somebody who crosses the road, where nobody drives meanwhile: mostly on a zebra crossing, where one is in sight."""
     rng = stage.rng
     asset = draw_asset("pedestrian", rng, "walking")
-    spot = stage.spot(1.0)
-    if spot is None:
+    place = (_zebra(stage) if rng.uniform() < ON_ZEBRA else None) or _edge(stage)
+    if place is None:
         return False
-    speed, out = rng.uniform(0.9, 1.8), rng.uniform(-3.0, 1.0)
-    heading = spot.yaw + np.arctan2(-spot.side, 0.0) + rng.normal(0.0, 0.1)
+    start, heading = place
+    speed, heading = rng.uniform(0.9, 1.8), heading + rng.normal(0.0, 0.1)
     velocity = speed * np.array([np.cos(heading), np.sin(heading), 0.0])
-    track = Track(np.zeros(1), np.array([[*spot.beside(out), 0.0]]), np.array([heading]), velocity[None])
+    track = Track(np.zeros(1), np.array([[*start, 0.0]]), np.array([heading]), velocity[None])
     position = track.at(stage.times)[0][:, :2]
     away = stage.corridor.free(position[0], 0.0, (3.0, 3.0)) and stage.corridor.free(position[-1], 0.0, (3.0, 3.0))
     return away and stage.place(asset, track, "pedestrian.moving", margin=0.6)
+
+
+def _zebra(stage: Stage) -> tuple[np.ndarray, float] | None:
+    """A start (2,) on a zebra crossing in sight, near its end, and the way across."""
+    shown = [zebra for zebra in crossings(stage.layout) if stage.visibility(zebra.middle) > 0.3]
+    if not shown:
+        return None
+    zebra, side = shown[stage.rng.integers(len(shown))], stage.rng.choice((-1, 1))
+    left, ahead = (np.array([-np.sin(zebra.yaw), np.cos(zebra.yaw)]), np.array([np.cos(zebra.yaw), np.sin(zebra.yaw)]))
+    across, along = zebra.width / 2 + stage.rng.uniform(-3.0, 1.0), stage.rng.uniform(-1.0, 1.0)
+    return zebra.middle + side * across * left + along * ahead, zebra.yaw - side * np.pi / 2
+
+
+def _edge(stage: Stage) -> tuple[np.ndarray, float] | None:
+    """A start (2,) near the road's edge and the way across."""
+    spot = stage.spot(1.0)
+    if spot is None:
+        return None
+    return spot.beside(stage.rng.uniform(-3.0, 1.0)), spot.yaw - spot.side * np.pi / 2
 
 
 def cycle(stage: Stage, kind: str) -> bool:

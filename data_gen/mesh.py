@@ -18,6 +18,11 @@ TEXTURES = (
     "metal",
     "fabric",
     "wood",
+    "slabs",
+    "paint",
+    "gravel",
+    "lacquer",
+    "tiles",
 )
 """Names of the procedural textures; a surface stores the index. The camera evaluates them at local coordinates."""
 
@@ -102,7 +107,8 @@ class Asset:
 
     Local frame: origin on the ground below the box's centre, x forward, y left, z up. ``category`` is a nuScenes
     category, or "" for what is no object (decoys, props). ``size`` is length, width, height of the labelled box.
-    ``imitates`` is the category that a decoy is mistaken for.
+    ``imitates`` is the category that a decoy is mistaken for. ``gait`` holds the meshes of one cycle of its limbs, which takes
+    ``stride`` metres, evenly spaced: face by face those of ``mesh``, within its box; empty for what is rigid.
     """
 
     name: str
@@ -111,3 +117,5 @@ class Asset:
     mesh: Mesh
     scatterers: Scatterers
     imitates: str = ""
+    gait: tuple[Mesh, ...] = ()
+    stride: float = 1.0

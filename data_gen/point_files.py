@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from data_gen.sensors.lidar import LidarSweep
-from data_gen.sensors.radar import RadarScan
+from data_gen.sensors.radar import UNAMBIGUOUS, RadarScan
 
 RADAR_FIELDS = (
     ("x", "F", 4), ("y", "F", 4), ("z", "F", 4), ("dyn_prop", "I", 1), ("id", "I", 2), ("rcs", "F", 4), ("vx", "F", 4),
@@ -15,8 +15,6 @@ RADAR_FIELDS = (
 )  # fmt: skip
 """Name, type and bytes of the 18 columns; 43 bytes a record, packed."""
 RADAR_DTYPE = np.dtype([(name, f"<{'f' if kind == 'F' else 'i'}{size}") for name, kind, size in RADAR_FIELDS])
-
-UNAMBIGUOUS = 3  # ambig_state that the devkit's default filter keeps
 
 
 def write_lidar(path: Path, sweep: LidarSweep) -> None:
@@ -28,17 +26,18 @@ def write_lidar(path: Path, sweep: LidarSweep) -> None:
 
 def write_radar(path: Path, scan: RadarScan) -> None:
     """``.pcd`` with nuScenes' 18 fields. An empty scan is one record of NaN, and a byte follows the records, because the
-    devkit's loader asserts both."""
+    devkit's loader asserts both. ``.cause.npy`` beside it has what caused each detection, a code of ``radar_detection``:
+    invalid_state stays 0, as the devkit's default filter would drop the ghosts that it could tell."""
     count = len(scan.x)
     records = np.zeros(max(count, 1), RADAR_DTYPE)
     if count:
-        for name in ("x", "y", "rcs", "vx", "vy", "vx_comp", "vy_comp", "dyn_prop"):
+        for name in ("x", "y", "rcs", "vx", "vy", "vx_comp", "vy_comp", "dyn_prop", "ambig_state"):
             records[name] = getattr(scan, name)
         records["id"] = np.arange(count)
         records["pdh0"] = 1 + (scan.snr_db < 15.0)  # existence probability codes: 1 is surest
     else:
-        records["x"] = np.nan
-    records["is_quality_valid"], records["ambig_state"] = 1, UNAMBIGUOUS
+        records["x"], records["ambig_state"] = np.nan, UNAMBIGUOUS
+    records["is_quality_valid"] = 1
     names, kinds, sizes = zip(*RADAR_FIELDS, strict=True)
     header = [
         "# .PCD v0.7 - Point Cloud Data file format",
@@ -54,3 +53,4 @@ def write_radar(path: Path, scan: RadarScan) -> None:
         "DATA binary",
     ]
     path.write_bytes("\n".join(header).encode() + b"\n" + records.tobytes() + b"\n")
+    np.save(path.with_suffix(".cause.npy"), scan.cause)

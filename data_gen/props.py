@@ -23,6 +23,8 @@ class Props:
         """Meshes and scatterers in the global frame; each reflection is 2 dB (1 sigma) off its asset's."""
         meshes, echoes = [], []
         for key, places in sorted(self.places.items()):
+            if not places:
+                continue
             asset = build_asset(*key)
             x, y, yaw = np.array(places).T
             vertices = _placed(asset.mesh.vertices, x, y, yaw)

@@ -1,11 +1,5 @@
-"""Counter-based random streams, so that no draw depends on what was drawn before it elsewhere."""
+"""Counter-based random streams: those of :mod:`fusion_net.random`, so that a fault drawn here is the one the reader draws."""
 
-import hashlib
+from fusion_net.random import stream
 
-import numpy as np
-
-
-def stream(seed: int, *key: str | int) -> np.random.Generator:
-    """A generator of its own for (seed, scene, sensor, frame, purpose, ...): the same in any order, process or subset."""
-    digest = hashlib.blake2b(repr((seed, *key)).encode(), digest_size=16).digest()
-    return np.random.Generator(np.random.Philox(key=np.frombuffer(digest, np.uint64)))
+__all__ = ["stream"]

@@ -4,7 +4,8 @@ import numpy as np
 
 from data_gen.jit import jit
 
-_BLOCK = 32
+_BLOCK, _GROUP = 32, 1024
+"""Rays that follow each other and are held against a sphere as one cone: first many, then few."""
 
 
 @jit
@@ -42,20 +43,21 @@ def finish(origins, directions, distance, body, normal, local):
 
 
 @jit
-def into_bodies(origins, directions, rays, which, position, cos, sin, bounds):
+def into_bodies(origins, directions, rays, which, position, cos, sin, each, bounds):
     """Of pairs of a ray and a body, those (K,) whose ray passes the body's bounding box ``bounds`` (A, 2, 3), with origins
-    and directions (K, 3) in the body's frame."""
+    and directions (K, 3) in the body's frame. ``position``, ``cos`` and ``sin`` hold a pose for ``each`` pair, or else one a
+    body."""
     kept = np.empty(len(rays), np.int64)
     moved_o = np.empty((len(rays), 3), np.float32)
     moved_d = np.empty((len(rays), 3), np.float32)
     n = 0
     for k in range(len(rays)):
-        i = rays[k]
-        x, y = origins[i, 0] - position[k, 0], origins[i, 1] - position[k, 1]
-        moved_o[n, 0], moved_o[n, 1] = cos[k] * x + sin[k] * y, cos[k] * y - sin[k] * x
-        moved_o[n, 2] = origins[i, 2] - position[k, 2]
+        i, p = rays[k], k if each else which[k]
+        x, y = origins[i, 0] - position[p, 0], origins[i, 1] - position[p, 1]
+        moved_o[n, 0], moved_o[n, 1] = cos[p] * x + sin[p] * y, cos[p] * y - sin[p] * x
+        moved_o[n, 2] = origins[i, 2] - position[p, 2]
         x, y = directions[i, 0], directions[i, 1]
-        moved_d[n, 0], moved_d[n, 1] = cos[k] * x + sin[k] * y, cos[k] * y - sin[k] * x
+        moved_d[n, 0], moved_d[n, 1] = cos[p] * x + sin[p] * y, cos[p] * y - sin[p] * x
         moved_d[n, 2] = directions[i, 2]
         enter, leave = np.float32(0.0), np.float32(np.inf)
         for c in range(3):
@@ -74,21 +76,19 @@ def into_bodies(origins, directions, rays, which, position, cos, sin, bounds):
 def passing(origins, directions, center, radius, max_range):
     """Pairs (sphere, ray), sorted by sphere, of rays that pass a sphere in front of them.
 
-    A block of rays that follow each other, as neighbours in a picture do, is first held against the sphere as one cone.
+    A block of rays that follow each other, as neighbours in a picture do, is first held against the sphere as one cone, and
+    before it a group of blocks.
     """
-    base, axis, sine, spread = _cones(origins, directions)
+    groups, blocks = _cones(origins, directions, _GROUP), _cones(origins, directions, _BLOCK)
     which = np.empty(len(center) * len(directions), np.int32)
     rays = np.empty(len(which), np.int32)
     count = 0
     for k in range(len(center)):
         cx, cy, cz, r = center[k, 0], center[k, 1], center[k, 2], radius[k]
-        for b in range(len(sine)):
-            x, y, z = cx - base[b, 0], cy - base[b, 1], cz - base[b, 2]
-            along = x * axis[b, 0] + y * axis[b, 1] + z * axis[b, 2]
-            square = x * x + y * y + z * z
-            distance = np.sqrt(square)
-            reach = distance * sine[b] + r + spread[b]  # sin(a + b) <= sin(a) + sin(b)
-            if reach < distance and (along < 0 or square - along * along > reach * reach):
+        for b in range(len(blocks[2])):
+            if b % (_GROUP // _BLOCK) == 0:
+                group_apart = _apart(cx, cy, cz, r, groups, b // (_GROUP // _BLOCK))
+            if group_apart or _apart(cx, cy, cz, r, blocks, b):
                 continue
             for i in range(b * _BLOCK, min((b + 1) * _BLOCK, len(directions))):
                 x, y, z = cx - origins[i, 0], cy - origins[i, 1], cz - origins[i, 2]
@@ -100,14 +100,26 @@ def passing(origins, directions, center, radius, max_range):
 
 
 @jit
-def _cones(origins, directions):
-    """Of each block of rays: mean origin (B, 3), mean direction (B, 3), the sine of the largest angle from it and the largest
+def _apart(cx, cy, cz, r, cones, b):
+    """Whether no ray of cone ``b`` can pass the sphere of radius ``r`` about (cx, cy, cz)."""
+    base, axis, sine, spread = cones
+    x, y, z = cx - base[b, 0], cy - base[b, 1], cz - base[b, 2]
+    along = x * axis[b, 0] + y * axis[b, 1] + z * axis[b, 2]
+    square = x * x + y * y + z * z
+    distance = np.sqrt(square)
+    reach = distance * sine[b] + r + spread[b]  # sin(a + b) <= sin(a) + sin(b)
+    return reach < distance and (along < 0 or square - along * along > reach * reach)
+
+
+@jit
+def _cones(origins, directions, size):
+    """Of each ``size`` rays: mean origin (B, 3), mean direction (B, 3), the sine of the largest angle from it and the largest
     distance from the mean origin, both a little on the safe side."""
-    blocks = (len(directions) + _BLOCK - 1) // _BLOCK
+    blocks = (len(directions) + size - 1) // size
     base, axis = np.zeros((blocks, 3), np.float32), np.zeros((blocks, 3), np.float32)
     sine, spread = np.empty(blocks, np.float32), np.empty(blocks, np.float32)
     for b in range(blocks):
-        start, stop = b * _BLOCK, min((b + 1) * _BLOCK, len(directions))
+        start, stop = b * size, min((b + 1) * size, len(directions))
         for i in range(start, stop):
             for c in range(3):
                 base[b, c] += origins[i, c] / np.float32(stop - start)

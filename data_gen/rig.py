@@ -8,6 +8,7 @@ import numpy as np
 from beartype import beartype
 from numpy.typing import NDArray
 
+from data_gen.rig_checks import check_rig
 from fusion_net.geometry import from_rpy, rigid
 
 EGO_T_OPTICAL = rigid([[0, 0, 1], [-1, 0, 0], [0, -1, 0]], np.zeros(3))
@@ -18,12 +19,14 @@ EGO_T_OPTICAL = rigid([[0, 0, 1], [-1, 0, 0], [0, -1, 0]], np.zeros(3))
 @dataclass(frozen=True, kw_only=True)
 class Mount:
     """A sensor's place. ``translation`` in the ego frame (m); ``rotation_deg`` roll, pitch (positive: nose down), yaw of
-    the sensor's body, whose x axis is its boresight. ``rate`` Hz and ``phase`` s say when it fires: phase + n / rate."""
+    the sensor's body, whose x axis is its boresight. ``rate`` Hz, ``phase`` s and ``jitter`` s say when it fires: at phase +
+    n / rate, with a standard deviation of ``jitter``."""
 
     translation: list[float]
     rotation_deg: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
     rate: float
     phase: float = 0.0
+    jitter: float = 0.0
 
     @cached_property
     def ego_T_body(self) -> NDArray[np.float64]:
@@ -47,12 +50,6 @@ class Camera(Mount):
     hfov_deg: float
     principal: list[float] | None = None
 
-    def __post_init__(self) -> None:
-        if self.width < 1 or self.height < 1:
-            raise ValueError(f"rig: an image of width={self.width} and height={self.height} has no pixels")
-        if not 1 < self.hfov_deg < 170:
-            raise ValueError(f"rig: hfov_deg={self.hfov_deg} is not within (1, 170)")
-
     @property
     def cam_K(self) -> NDArray[np.float64]:
         """Pinhole matrix (3, 3) in pixels, square pixels."""
@@ -71,7 +68,8 @@ class Camera(Mount):
 class Lidar(Mount):
     """A spinning LiDAR with the HDL-32E's beams. ``columns`` firings a turn; ``sector_deg`` the azimuths kept, counter-
     clockwise from the boresight, [-180, 180] for all; ``cut_deg`` the azimuth at which a turn begins and ends, so what lies
-    just past it counter-clockwise is the freshest (nuScenes: 105); ``max_range`` at which a 90 % target disappears.
+    just past it counter-clockwise is the freshest (nuScenes: 105); ``max_range`` at which a 90 % target disappears;
+    ``crosstalk`` the share of the rays in which the pulse of another LiDAR is heard.
 
     Data are written in nuScenes' LIDAR_TOP frame: x right, y forward, z up.
     """
@@ -80,6 +78,7 @@ class Lidar(Mount):
     sector_deg: list[float] = field(default_factory=lambda: [-180.0, 180.0])
     cut_deg: float = 105.0
     max_range: float = 100.0
+    crosstalk: float = 0.0
 
     @property
     def ego_T_sensor(self) -> NDArray[np.float64]:
@@ -90,7 +89,8 @@ class Lidar(Mount):
 @beartype
 @dataclass(frozen=True, kw_only=True)
 class Radar(Mount):
-    """A 77 GHz FMCW radar that reports detections. Resolutions are cell sizes; ``max_range`` m, ``fov_deg`` half-angle."""
+    """A 77 GHz FMCW radar that reports detections. Resolutions are cell sizes; ``max_range`` m, ``fov_deg`` half-angle;
+    Doppler beyond +-``max_doppler`` m/s folds; the strongest ``max_detections`` of a scan are reported."""
 
     max_range: float = 100.0
     fov_deg: float = 60.0
@@ -98,6 +98,7 @@ class Radar(Mount):
     azimuth_resolution_deg: float = 3.2
     doppler_resolution: float = 0.1
     max_doppler: float = 111.0
+    max_detections: int = 64
 
 
 @beartype
@@ -113,7 +114,15 @@ class Rig:
     keyframe_rate: float = 2.0
     sweeps: dict[str, int] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        check_rig(self)
+
     @property
     def sensors(self) -> dict[str, Mount]:
         """Every mount by channel: cameras, then LiDARs, then radars."""
         return {**self.cameras, **self.lidars, **self.radars}
+
+    @property
+    def modalities(self) -> dict[str, str]:
+        """The modality of every channel."""
+        return {c: "camera" if c in self.cameras else "lidar" if c in self.lidars else "radar" for c in self.sensors}

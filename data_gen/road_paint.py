@@ -5,15 +5,18 @@ and the union needs no geometry.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from data_gen.ground import GROUND_NAMES, GroundMap
+from data_gen.brush import Brush
+from data_gen.ground import GroundMap
 from data_gen.layout import Lane, Layout
+from data_gen.road_marks import crossings, paint_arrows, paint_zebra
+from data_gen.road_wear import paint_age, paint_repairs
 
 Array = NDArray[np.float64]
 
@@ -27,53 +30,23 @@ KERB = 0.3
 """Width of a kerb stone's top in metres."""
 DASH, GAP = 3.0, 6.0
 """Metres painted and not painted of a striped line."""
-_BITS = 4  # cv2 draws at 1 / 16 pixel
-
-
-@dataclass(frozen=True)
-class Crossing:
-    """A zebra crossing: its ``middle`` (2,), the direction of the road ``yaw`` and the road's ``width`` there in metres."""
-
-    middle: Array
-    yaw: float
-    width: float
-
-
-class _Brush:
-    """Draws polylines given in metres."""
-
-    def __init__(self, extent: tuple[float, float], resolution: float) -> None:
-        self.canvas = np.zeros((int(np.ceil(extent[1] / resolution)), int(np.ceil(extent[0] / resolution))), np.uint8)
-        self.resolution = resolution
-
-    def _pixels(self, points: Array) -> NDArray[np.int32]:
-        return np.rint((points / self.resolution - 0.5) * 2**_BITS).astype(np.int32)
-
-    def stroke(self, material: str, lines: Sequence[Array], width: float) -> None:
-        """Polylines (N, 2) of a width in metres, round at the ends."""
-        thickness = max(1, round(width / self.resolution))
-        pixels = [self._pixels(line) for line in lines]
-        cv2.polylines(self.canvas, pixels, False, GROUND_NAMES.index(material), thickness, cv2.LINE_8, _BITS)
-
-    def fill(self, material: str, corners: Array) -> None:
-        """Convex polygons (P, K, 2), each on its own, so that overlaps stay filled."""
-        for polygon in self._pixels(corners):
-            cv2.fillConvexPoly(self.canvas, polygon, GROUND_NAMES.index(material), cv2.LINE_8, _BITS)
 
 
 def paint_ground(layout: Layout, *, rng: np.random.Generator, resolution: float = 0.1) -> GroundMap:
     """The ground raster of a layout, from (0, 0) to its extent, ``resolution`` metres a pixel."""
-    brush = _Brush(layout.extent, resolution)
+    brush = Brush(layout.extent, resolution)
     lanes = extend(layout.lanes, reach=150.0)
+    paths = [_thin(lane.centre) for lane in lanes]
     _paint_verges(brush, layout.name, lanes, rng)
-    for lane in lanes:
-        brush.stroke("asphalt", [_thin(lane.centre)], lane.width.mean())
-    _paint_wear(brush, lanes, rng)
-    zebras = crossings(layout)
+    for lane, path in zip(lanes, paths, strict=True):
+        brush.stroke("asphalt", [path], lane.width.mean())
+    paint_age(brush, lanes, paths, rng)
+    paint_repairs(brush, lanes, rng)
     _paint_lines(brush, lanes, rng)
-    for zebra in zebras:
-        _paint_zebra(brush, zebra)
-    return GroundMap(brush.canvas, (0.0, 0.0), resolution)
+    paint_arrows(brush, layout, layout.lanes, rng)
+    for zebra in crossings(layout):
+        paint_zebra(brush, zebra)
+    return brush.ground()
 
 
 def extend(lanes: Sequence[Lane], *, reach: float) -> list[Lane]:
@@ -93,40 +66,12 @@ def extend(lanes: Sequence[Lane], *, reach: float) -> list[Lane]:
     return longer
 
 
-def crossings(layout: Layout) -> list[Crossing]:
-    """The zebra crossings of a layout: where a straight lane of a crossing's arm ends before a bend or a fork."""
-    if layout.name not in ("intersection", "roundabout"):
-        return []
-    starts = np.array([lane.centre[0] for lane in layout.lanes])
-    stops = np.array([lane.centre[-1] for lane in layout.lanes])
-    points = np.concatenate([lane.centre for lane in layout.lanes])
-    found: list[Crossing] = []
-    for lane in layout.lanes:
-        chord = lane.centre[-1] - lane.centre[0]
-        length = np.linalg.norm(chord)
-        follows = np.flatnonzero(np.linalg.norm(starts - lane.centre[-1], axis=1) < 1.0)
-        straight = np.linalg.norm(np.diff(lane.centre, axis=0), axis=1).sum() < length + 0.05
-        inner = np.any(np.linalg.norm(stops - lane.centre[0], axis=1) < 1.0)
-        if length < 20 or not straight or inner or not len(follows):
-            continue
-        ahead = chord / length
-        left = np.array([-ahead[1], ahead[0]])
-        # The arm's other lanes lie beside this end; together they give the road's middle and width.
-        beside = (np.abs((points - lane.centre[-1]) @ ahead) < 1.5) & (np.abs((points - lane.centre[-1]) @ left) < 12.0)
-        across = (points[beside] - lane.centre[-1]) @ left
-        width = across.max() - across.min() + lane.width[-1]
-        middle = lane.centre[-1] + left * (across.max() + across.min()) / 2 - ahead * 3.0
-        if all(np.linalg.norm(middle - other.middle) > 4.0 for other in found):
-            found.append(Crossing(middle, float(np.arctan2(ahead[1], ahead[0])), float(width)))
-    return found
-
-
 def _thin(line: Array, tolerance: float = 0.02) -> Array:
     """The polyline without the points that lie on it anyway: a straight lane is two points."""
     return cv2.approxPolyDP(line.astype(np.float32)[:, None], tolerance, False)[:, 0].astype(float)
 
 
-def _paint_verges(brush: _Brush, name: str, lanes: Sequence[Lane], rng: np.random.Generator) -> None:
+def _paint_verges(brush: Brush, name: str, lanes: Sequence[Lane], rng: np.random.Generator) -> None:
     urban = name in URBAN
     size = np.array(brush.canvas.shape[::-1]) * brush.resolution
     tufts = rng.uniform(0, 1, (60, 1, 2)) * size + np.cumsum(rng.normal(0, 2.5, (60, 4, 2)), axis=1)
@@ -139,27 +84,7 @@ def _paint_verges(brush: _Brush, name: str, lanes: Sequence[Lane], rng: np.rando
             brush.stroke(material, [_thin(lane.centre)], lane.width.mean() + 2 * (SHOULDER + beyond))
 
 
-def _paint_wear(brush: _Brush, lanes: Sequence[Lane], rng: np.random.Generator) -> None:
-    """Repairs (dark rectangles along the lane) and sealed cracks (wandering lines), about one each 25 m of lane."""
-    points = np.concatenate([lane.centre[1:-1] for lane in lanes])
-    step = np.concatenate([np.diff(lane.centre, axis=0)[1:] for lane in lanes])
-    chosen = rng.random(len(points)) < 0.06
-    at, ahead = points[chosen], step[chosen] / np.linalg.norm(step[chosen], axis=1, keepdims=True)
-    if not len(at):
-        return
-    left = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
-    at = at + left * rng.uniform(-1.2, 1.2, (len(at), 1))
-    half_l, half_w = rng.uniform(0.5, 4.0, (2, len(at), 1)) * [[[1.0]], [[0.25]]]
-    corners = np.stack(
-        [at + a * half_l * ahead + b * half_w * left for a, b in ((1, 1), (1, -1), (-1, -1), (-1, 1))], axis=1
-    )
-    brush.fill("patch", corners[::2])
-    walk = np.cumsum(rng.normal([1.0, 0.0], [0.9, 0.25], (len(at), 6, 2)), axis=1)
-    cracks = at[:, None] + walk[..., :1] * ahead[:, None] + walk[..., 1:] * left[:, None]
-    brush.stroke("tar", list(cracks[1::2]), brush.resolution)
-
-
-def _paint_lines(brush: _Brush, lanes: Sequence[Lane], rng: np.random.Generator) -> None:
+def _paint_lines(brush: Brush, lanes: Sequence[Lane], rng: np.random.Generator) -> None:
     """Lane lines; yellow between opposite directions. Stripes fade here and there. Where a line would run across another
     lane, as in a junction, it is left out."""
     centres = [_resampled(lane.centre, 1.0) for lane in lanes]
@@ -182,7 +107,7 @@ def _paint_lines(brush: _Brush, lanes: Sequence[Lane], rng: np.random.Generator)
                     _paint_line(brush, line[start:stop], kind, colour, rng)
 
 
-def _paint_line(brush: _Brush, line: Array, kind: str, colour: str, rng: np.random.Generator) -> None:
+def _paint_line(brush: Brush, line: Array, kind: str, colour: str, rng: np.random.Generator) -> None:
     if kind == "continuous":
         brush.stroke(colour, [_thin(line)], 0.2)
         return
@@ -208,17 +133,3 @@ def _dashes(line: Array, offset: float = 0.0) -> Array:
     arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
     at = np.arange(offset, arc[-1] - DASH, DASH + GAP)[:, None] + np.array([0.0, DASH / 2, DASH])
     return np.stack([np.interp(at, arc, line[:, 0]), np.interp(at, arc, line[:, 1])], axis=-1)
-
-
-def _paint_zebra(brush: _Brush, zebra: Crossing, length: float = 3.0, bar: float = 0.5) -> None:
-    """Bars along the road over its width, and a stop line a metre before them on the right half."""
-    ahead = np.array([np.cos(zebra.yaw), np.sin(zebra.yaw)])
-    left = np.array([-ahead[1], ahead[0]])
-    across = np.arange(-zebra.width / 2 + 0.4, zebra.width / 2 - bar, 2 * bar)
-    frame = np.array([[-0.5, 0.0], [0.5, 0.0], [0.5, 1.0], [-0.5, 1.0]])
-    bars = zebra.middle + frame[:, :1] * length * ahead + (across[:, None, None] + frame[:, 1:] * bar) * left
-    brush.fill("white_paint", bars)
-    stop = (
-        zebra.middle + (frame[:, :1] * 0.4 - length / 2 - 1.2) * ahead - frame[:, 1:] * (zebra.width / 2 - 0.2) * left
-    )
-    brush.fill("white_paint", stop[None])

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from data_gen.ground import GROUND_NAMES, GroundMap
+from data_gen.ground import GROUND_NAMES, MARKS, GroundMap
 from data_gen.mesh import Mesh, Surface
 
 Array = NDArray[np.float64]
@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 SPACING = 1.0
 """Metres between the points of a :class:`Verge`."""
 KERB_HEIGHT = 0.12
-_CARRIAGEWAY = ("asphalt", "shoulder", "white_paint", "yellow_paint", "worn_paint", "patch", "tar")
+_CARRIAGEWAY = ("asphalt", "shoulder", "patch", *MARKS)
 
 
 @dataclass(frozen=True)

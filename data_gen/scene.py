@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from data_gen.conditions import Condition
 from data_gen.ground import GroundMap
+from data_gen.luminaires import luminaires
 from data_gen.mesh import Asset, Mesh, Scatterers, Surface
 from data_gen.ray_kernels import finish, into_bodies, keep_nearer, passing
 from data_gen.track import Track, TrackBundle
@@ -52,14 +53,20 @@ class Hits:
 
 
 class _Tree:
-    """An embree tree over one mesh, in its local frame."""
+    """An embree tree over a mesh in its local frame, or one a phase of its gait."""
 
-    def __init__(self, mesh: Mesh) -> None:
-        self.embree = EmbreeScene()
-        TriangleMesh(self.embree, mesh.vertices.astype(np.float32), mesh.faces.astype(np.int32))
-        self.bounds = np.stack([mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)]).astype(np.float32)
+    def __init__(self, *phases: Mesh) -> None:
+        self.phases = [EmbreeScene() for _ in phases]
+        for embree, mesh in zip(self.phases, phases, strict=True):
+            TriangleMesh(embree, mesh.vertices.astype(np.float32), mesh.faces.astype(np.int32))
+        vertices = np.concatenate([mesh.vertices for mesh in phases])
+        self.bounds = np.stack([vertices.min(axis=0), vertices.max(axis=0)]).astype(np.float32)
         self.center = self.bounds.mean(axis=0)
-        self.radius = float(np.linalg.norm(mesh.vertices - self.center, axis=1).max())
+        self.radius = float(np.linalg.norm(vertices - self.center, axis=1).max())
+
+    def at(self, turn: float) -> EmbreeScene:
+        """The tree ``turn`` cycles of the gait after its first phase."""
+        return self.phases[int(turn * len(self.phases)) % len(self.phases)]
 
 
 _TREES: dict[int, _Tree] = {}
@@ -68,7 +75,7 @@ _TREES: dict[int, _Tree] = {}
 def _tree_of(asset: Asset) -> _Tree:
     """The tree of an asset, kept as long as the asset lives: scenes share their assets."""
     if id(asset) not in _TREES:
-        _TREES[id(asset)] = _Tree(asset.mesh)
+        _TREES[id(asset)] = _Tree(*(asset.gait or [asset.mesh]))
         weakref.finalize(asset, _TREES.pop, id(asset), None)
     return _TREES[id(asset)]
 
@@ -94,6 +101,7 @@ class Scene:
     ) -> None:
         self.name, self.ego, self.actors, self.condition = name, ego, actors, condition
         self.ground, self.ground_faces, self.world_scatterers = ground, ground_faces, world_scatterers
+        self.luminaires = luminaires(world)
         self._world = _Tree(world)
         trees = {id(actor.asset): actor.asset for actor in actors}
         self._trees = {key: _tree_of(asset) for key, asset in trees.items()}
@@ -101,6 +109,9 @@ class Scene:
         self._sphere_center = np.array([tree.center for tree in spheres]).reshape(-1, 3)
         self._sphere_radius = np.array([tree.radius for tree in spheres])
         self._bounds = np.array([tree.bounds for tree in spheres], np.float32).reshape(-1, 2, 3)
+        self._moving = np.array([len(a.track.times) > 1 or a.track.velocity.any() for a in actors], bool)
+        self._stride = np.array([actor.asset.stride for actor in actors])
+        self._first_phase = np.array([0.618034 * actor.instance % 1.0 for actor in actors])  # nobody walks in step
         # The last track is the world's own, at rest at the origin, so that body index WORLD (-1) has a pose as well.
         self._tracks = TrackBundle([*(actor.track for actor in actors), Track.static(np.zeros(3), 0.0)])
         meshes = [world, *(asset.mesh for asset in trees.values())]
@@ -131,7 +142,7 @@ class Scene:
         directions = np.ascontiguousarray(directions, np.float32)
         count = len(directions)
         origins = np.ascontiguousarray(np.broadcast_to(np.asarray(origins, np.float32), (count, 3)))
-        found = self._world.embree.run(origins, directions, query="INTERSECT", output=True)
+        found = self._world.at(0.0).run(origins, directions, query="INTERSECT", output=True)
         hit = found["tfar"] < max_range
         distance = np.where(hit, found["tfar"], np.float32(np.inf))
         body = np.where(hit, np.int32(WORLD), np.int32(NOTHING))
@@ -139,9 +150,9 @@ class Scene:
         normal = found["Ng"]
         local = np.zeros((count, 3), np.float32)
         aimed = np.zeros(len(self.actors), np.int64)
-        for index, actor, rays, moved_o, moved_d, cos, sin in self._towards(origins, directions, times, max_range):
-            found = self._trees[id(actor.asset)].embree.run(moved_o, moved_d, query="INTERSECT", output=True)
-            start = self._face_start[id(actor.asset)]
+        for index, tree, rays, moved_o, moved_d, cos, sin in self._towards(origins, directions, times, max_range):
+            found = tree.run(moved_o, moved_d, query="INTERSECT", output=True)
+            start = self._face_start[id(self.actors[index].asset)]
             aimed[index] = keep_nearer(
                 rays,
                 found["primID"],
@@ -172,37 +183,42 @@ class Scene:
         count = len(directions)
         origins = np.ascontiguousarray(np.broadcast_to(np.asarray(origins, np.float32), (count, 3)))
         limit = np.array(np.broadcast_to(max_distance, (count,)), np.float32)  # embree wants it writable
-        blocked = self._world.embree.run(origins, directions, limit, query="OCCLUDED") >= 0
+        blocked = self._world.at(0.0).run(origins, directions, limit, query="OCCLUDED") >= 0
         reach = float(limit.max(initial=0.0))
-        for _, actor, rays, moved_o, moved_d, _, _ in self._towards(origins, directions, times, reach):
-            tree = self._trees[id(actor.asset)]
-            blocked[rays] |= tree.embree.run(moved_o, moved_d, limit[rays], query="OCCLUDED") >= 0
+        for _, tree, rays, moved_o, moved_d, _, _ in self._towards(origins, directions, times, reach):
+            blocked[rays] |= tree.run(moved_o, moved_d, limit[rays], query="OCCLUDED") >= 0
         return blocked
 
     def _towards(self, origins, directions, times, max_range):
-        """For each actor in reach, the rays that pass near it, moved into its frame at their own times."""
+        """For each actor in reach, its tree and the rays that pass near it, moved into its frame at their own times. Limbs
+        are where they are in the middle of all times."""
         if not len(directions) or not self.actors:
             return
         times = np.asarray(times, float)
         middle, half_span = (times.max() + times.min()) / 2, (times.max() - times.min()) / 2
         position, yaw, velocity = self._tracks.at(middle, np.arange(len(self.actors)))
+        turn = np.linalg.norm(velocity, axis=1) * middle / self._stride + self._first_phase
         slack = half_span * 1.5 * np.linalg.norm(velocity, axis=1) + (0.2 if half_span else 0.0)
         center = position + _rotate(self._sphere_center, np.cos(yaw), np.sin(yaw))
         radius = self._sphere_radius + slack
         which, rays = passing(
             origins, directions, center.astype(np.float32), radius.astype(np.float32), np.float32(max_range)
         )
-        if times.ndim:
-            position, yaw, _ = self._tracks.at(times[rays], which)
         position, cos, sin = (a.astype(np.float32) for a in (position, np.cos(yaw), np.sin(yaw)))
-        if not times.ndim:
+        each = bool(times.ndim)
+        if each:  # a pose for every pair; most bodies are at rest and have one
             position, cos, sin = position[which], cos[which], sin[which]
-        kept, moved_o, moved_d = into_bodies(origins, directions, rays, which, position, cos, sin, self._bounds)
-        which, rays, cos, sin = which[kept], rays[kept], cos[kept], sin[kept]
+            late = np.flatnonzero(self._moving[which])
+            position[late], yaw, _ = self._tracks.at(times[rays[late]], which[late])
+            cos[late], sin[late] = np.cos(yaw), np.sin(yaw)
+        kept, moved_o, moved_d = into_bodies(origins, directions, rays, which, position, cos, sin, each, self._bounds)
+        which, rays = which[kept], rays[kept]
+        cos, sin = (cos[kept], sin[kept]) if each else (cos[which], sin[which])
         for index, (start, end) in enumerate(pairwise(np.searchsorted(which, np.arange(len(self.actors) + 1)))):
             if start < end:
                 part = slice(start, end)
-                yield index, self.actors[index], rays[part], moved_o[part], moved_d[part], cos[part], sin[part]
+                tree = self._trees[id(self.actors[index].asset)].at(turn[index])
+                yield index, tree, rays[part], moved_o[part], moved_d[part], cos[part], sin[part]
 
 
 def _rotate(v, cos, sin):

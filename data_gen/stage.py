@@ -1,4 +1,4 @@
-"""Where there is room beside and on the road, and how well the ego's front camera would see it."""
+"""Where there is room beside and on the road, and how well the ego's sensors would see it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
+from data_gen.coverage import FRONT, View
 from data_gen.footprints import Occupancy
 from data_gen.layout import REAR_AXLE, Lane, Layout
 from data_gen.mesh import Asset
@@ -17,8 +18,8 @@ Array = NDArray[np.float64]
 
 EGO_SIZE = (5.0, 2.0)
 """Length and width of the ego vehicle in metres."""
-SECTOR = (5.0, 45.0, np.radians(36.0))
-"""Nearest and farthest range in metres and half-angle of what a scene has to show: the front camera's view."""
+REACH = (5.0, 45.0)
+"""Nearest and farthest range in metres of what a scene has to show in the view of the rig."""
 _TICK = 0.2
 
 
@@ -64,10 +65,11 @@ class Spot:
 
 
 class Stage:
-    """The actors placed so far and the ground that they take during the episode. ``rng`` draws everything."""
+    """The actors placed so far and the ground that they take during the episode. ``rng`` draws everything; ``view`` is
+    what the rig looks at."""
 
-    def __init__(self, layout: Layout, rng: np.random.Generator) -> None:
-        self.layout, self.rng = layout, rng
+    def __init__(self, layout: Layout, rng: np.random.Generator, view: View = FRONT) -> None:
+        self.layout, self.rng, self.view = layout, rng, view
         self.actors: list[Actor] = []
         self.duration = float(layout.ego.times[-1])
         self.times = np.linspace(0.0, self.duration, max(2, int(np.ceil(self.duration / _TICK)) + 1))
@@ -105,13 +107,13 @@ class Stage:
         return distance - self._half[nearest] - 0.1  # the tree's points lie up to 1.5 m apart
 
     def visibility(self, points: ArrayLike) -> Array:
-        """Share (...) of the time that points (..., 2) at rest, or (..., T, 2) at ``times``, spend in the front sector."""
+        """Share (...) of the time that points (..., 2) at rest, or (..., T, 2) at ``times``, spend in the view."""
         points = np.asarray(points, float)
         delta = points - self._ego if points.ndim == 3 else points[..., None, :] - self._ego
-        bearing = np.arctan2(delta[..., 1], delta[..., 0]) - self._ego_yaw
+        bearing = np.arctan2(delta[..., 1], delta[..., 0]) - self._ego_yaw - self.view.center
         distance = np.hypot(delta[..., 0], delta[..., 1])
-        inside = np.abs((bearing + np.pi) % (2 * np.pi) - np.pi) < SECTOR[2]
-        return (inside & (distance > SECTOR[0]) & (distance < SECTOR[1])).mean(axis=-1)
+        inside = np.abs((bearing + np.pi) % (2 * np.pi) - np.pi) < self.view.half
+        return (inside & (distance > REACH[0]) & (distance < REACH[1])).mean(axis=-1)
 
     def path(self, track: Track) -> tuple[Array, Array]:
         """Position (T, 2) and yaw (T,) of a track at ``times``."""
@@ -136,7 +138,7 @@ class Stage:
         return True
 
     def shown(self, category: str) -> float:
-        """Mean number of actors whose category begins so, within the front sector at a time."""
+        """Mean number of actors whose category begins so, within the view at a time."""
         chosen = [i for i, actor in enumerate(self.actors) if actor.asset.category.startswith(category)]
         return float(self.visibility(self.occupancy.center[1:][chosen]).sum())  # the ego is the occupancy's first
 

@@ -17,13 +17,13 @@ ATTRIBUTES = (
 VISIBILITY = ("v0-40", "v40-60", "v60-80", "v80-100")
 
 
-def write_tables(root: Path, dataset: str, rig: Rig, records: list[Path], splits: list[str]) -> dict[str, int]:
-    """Writes ``v1.0-DATASET/*.json`` from the scenes' record files and splits; returns the rows of each table."""
+def write_tables(root: Path, dataset: str, rig: Rig, records: dict[Path, str]) -> dict[str, int]:
+    """Writes ``v1.0-DATASET/*.json`` from the scenes' record files, each with its split; returns the rows of each table."""
     folder = root / f"v1.0-{dataset}"
     folder.mkdir(exist_ok=True)
     rows: dict[str, list[dict[str, Any]]] = _fixed_tables(dataset, rig) | {name: [] for name in SCENE_TABLES}
-    named: dict[str, list[str]] = {f"{dataset}_{split}": [] for split in dict.fromkeys(splits)}
-    for record, split in zip(records, splits, strict=True):
+    named: dict[str, list[str]] = {f"{dataset}_{split}": [] for split in records.values()}
+    for record, split in records.items():
         for name, part in json.loads(record.read_text()).items():
             rows[name].extend(part)
         named[f"{dataset}_{split}"].append(rows["scene"][-1]["name"])
@@ -57,6 +57,7 @@ def _fixed_tables(dataset: str, rig: Rig) -> dict[str, list[dict[str, Any]]]:
                 "translation": mount.ego_T_sensor[:3, 3].tolist(),
                 "rotation": to_quaternion(mount.ego_T_sensor).tolist(),
                 "camera_intrinsic": mount.cam_K.tolist() if isinstance(mount, Camera) else [],
+                **({"width": mount.width, "height": mount.height} if isinstance(mount, Camera) else {}),
             }
             for channel, mount in rig.sensors.items()
         ],

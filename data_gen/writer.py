@@ -14,15 +14,19 @@ from typing import Any
 import cv2
 import numpy as np
 
-from data_gen.capture import Firing, capture, keyframe_times
+from data_gen.capture import Data, Firing, capture, keyframe_times
+from data_gen.faults import SceneFaults, spoil
 from data_gen.mesh import Asset
 from data_gen.point_files import write_lidar, write_radar
 from data_gen.rig import Camera, Rig
 from data_gen.scene import Scene
-from data_gen.sensors.camera import CameraFrame
+from data_gen.seen import Seen
 from data_gen.sensors.lidar import LidarSweep
 from data_gen.sensors.radar import RadarScan
 from fusion_net.boxes import CATEGORY_TO_CLASS, CLASSES
+from fusion_net.data.faults import FaultPlan
+from fusion_net.data.nuscenes import REFERENCE
+from fusion_net.geometry import to_quaternion
 
 Row = dict[str, Any]
 
@@ -46,10 +50,19 @@ def token(*parts: str | int) -> str:
 
 
 def write_scene(
-    scene: Scene, rig: Rig, *, root: Path, dataset: str, index: int, keyframes: int, seed: int, layout: str
+    scene: Scene,
+    rig: Rig,
+    *,
+    root: Path,
+    dataset: str,
+    index: int,
+    keyframes: int,
+    seed: int,
+    layout: str,
+    faults: FaultPlan | None = None,
 ) -> dict[str, list[Row]]:
     """Renders and writes a scene; returns its rows by table name. Raises OSError when the disk does not take them."""
-    return _SceneWriter(scene, rig, root, dataset, index, layout).run(keyframes, seed)
+    return _SceneWriter(scene, rig, root, dataset, index, layout).run(keyframes, seed, faults or FaultPlan())
 
 
 class _SceneWriter:
@@ -62,12 +75,13 @@ class _SceneWriter:
             for name in ("log", "map", "scene", "sample", "sample_data", "ego_pose", "instance", "sample_annotation")
         }
 
-    def run(self, keyframes: int, seed: int) -> dict[str, list[Row]]:
-        times = keyframe_times(self.rig, keyframes)
+    def run(self, keyframes: int, seed: int, plan: FaultPlan) -> dict[str, list[Row]]:
+        times = keyframe_times(self.rig, keyframes, seed=seed)
         samples = [token(self.log, "sample", k) for k in range(keyframes)]
-        seen = [_Seen(len(self.scene.actors)) for _ in range(keyframes)]
+        seen = [Seen(len(self.scene.actors)) for _ in range(keyframes)]
         self._log_and_map()
-        for firing in capture(self.scene, self.rig, keyframes=keyframes, seed=seed):
+        faults = SceneFaults(plan, self.rig.modalities, token(self.log, "scene"), samples)
+        for firing in capture(self.scene, self.rig, keyframes=keyframes, seed=seed, faults=faults):
             self._sample_data(firing, samples[firing.keyframe])
             if firing.is_keyframe:
                 seen[firing.keyframe].add(firing.data)
@@ -89,6 +103,7 @@ class _SceneWriter:
                 "last_sample_token": samples[-1],
                 "name": self.scene.name,
                 "description": f"{self.layout}, {condition.name}",
+                "layout": self.layout,
                 "condition": {name: getattr(condition, name) for name in condition.__dataclass_fields__},
             }
         )
@@ -101,12 +116,15 @@ class _SceneWriter:
         filename = f"maps/{self.log}.png"
         mask = self.scene.ground.drivable.view(np.uint8)
         cv2.flip(mask, 0, mask)  # image rows run down, y runs up
+        # 255 is the devkit's foreground: it reads a picture of one bit a pixel as 0 and 1 and then finds no road.
         _write_image(
-            self.root / filename, mask * np.uint8(255), [cv2.IMWRITE_PNG_BILEVEL, 1, cv2.IMWRITE_PNG_COMPRESSION, 1]
+            self.root / filename,
+            mask * np.uint8(255),
+            [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_NONE],
         )
         self.rows["log"].append(
             {"token": token(self.log), "logfile": self.log, "vehicle": self.rig.name, "date_captured": "2026-01-01",
-             "location": self.layout}
+             "location": f"{self.layout}-{self.scene.name}"}  # a place of its own: each has its own map
         )  # fmt: skip
         self.rows["map"].append(
             {"token": token(self.log, "map"), "log_tokens": [token(self.log)], "category": "semantic_prior",
@@ -114,36 +132,44 @@ class _SceneWriter:
         )  # fmt: skip
 
     def _sample_data(self, firing: Firing, sample: str) -> None:
+        """Writes what the faults leave of a reading. Of a dead sensor nothing is, but for the keyframe that gives a sample its
+        time and pose, which is an empty cloud."""
+        if firing.faults.dead and firing.channel != REFERENCE:
+            return
         mount = self.rig.sensors[firing.channel]
         stamp = self._stamp(firing.time)
         is_camera = isinstance(mount, Camera)
         kind = "samples" if firing.is_keyframe else "sweeps"
-        suffix = {CameraFrame: "jpg", LidarSweep: "pcd.bin", RadarScan: "pcd"}[type(firing.data)]
+        suffix = {"camera": "jpg", "lidar": "pcd.bin", "radar": "pcd"}[self.rig.modalities[firing.channel]]
         filename = f"{kind}/{firing.channel}/{self.log}__{firing.channel}__{stamp}.{suffix}"
-        self._write_reading(self.root / filename, firing.data)
+        left = spoil(firing.data, firing.faults, ego_T_sensor=mount.ego_T_sensor, stamp=stamp)
+        self._write_reading(self.root / filename, left)
         key = token(self.log, firing.channel, stamp)
         position, yaw, _ = self.scene.ego.at(firing.time)
         self.rows["ego_pose"].append(
             {"token": key, "timestamp": stamp, "rotation": _quaternion(float(yaw)), "translation": position.tolist()}
         )
-        self.rows["sample_data"].append(
-            {
-                "token": key,
-                "sample_token": sample,
-                "ego_pose_token": key,
-                "calibrated_sensor_token": token(self.dataset, self.rig.name, firing.channel, "calibration"),
-                "timestamp": stamp,
-                "fileformat": "jpg" if is_camera else "pcd",
-                "is_key_frame": firing.is_keyframe,
-                "height": mount.height if isinstance(mount, Camera) else 0,
-                "width": mount.width if isinstance(mount, Camera) else 0,
-                "filename": filename,
-                "prev": "",
-                "next": "",
-            }
-        )
+        row = {
+            "token": key,
+            "sample_token": sample,
+            "ego_pose_token": key,
+            "calibrated_sensor_token": token(self.dataset, self.rig.name, firing.channel, "calibration"),
+            "timestamp": stamp,
+            "true_timestamp": self._stamp(firing.true_time),
+            "fileformat": "jpg" if is_camera else "pcd",
+            "is_key_frame": firing.is_keyframe,
+            "height": mount.height if isinstance(mount, Camera) else 0,
+            "width": mount.width if isinstance(mount, Camera) else 0,
+            "filename": filename,
+            "prev": "",
+            "next": "",
+        }
+        if firing.faults and not np.array_equal(firing.ego_T_sensor, mount.ego_T_sensor):
+            row["true_translation"] = firing.ego_T_sensor[:3, 3].tolist()
+            row["true_rotation"] = to_quaternion(firing.ego_T_sensor).tolist()
+        self.rows["sample_data"].append(row)
 
-    def _write_reading(self, path: Path, data: CameraFrame | LidarSweep | RadarScan) -> None:
+    def _write_reading(self, path: Path, data: Data) -> None:
         if isinstance(data, LidarSweep):
             write_lidar(path, data)
         elif isinstance(data, RadarScan):
@@ -163,7 +189,7 @@ class _SceneWriter:
             for before, after in pairwise(rows):
                 before["next"], after["prev"] = after["token"], before["token"]
 
-    def _annotations(self, times: np.ndarray, samples: list[str], seen: list["_Seen"]) -> None:
+    def _annotations(self, times: np.ndarray, samples: list[str], seen: list[Seen]) -> None:
         ego = self.scene.ego.at(times)[0]
         for index, actor in enumerate(self.scene.actors):
             category = actor.asset.category or (DECOY if actor.asset.imitates else "")
@@ -201,27 +227,6 @@ class _SceneWriter:
                 {"token": instance, "category_token": token("category", category), "nbr_annotations": len(near),
                  "first_annotation_token": keys[0], "last_annotation_token": keys[-1]}
             )  # fmt: skip
-
-
-class _Seen:
-    """What the sensors of one keyframe got of each actor."""
-
-    def __init__(self, actors: int) -> None:
-        self.lidar_points, self.radar_points, self.aimed, self.reached = np.zeros((4, actors), np.int64)
-
-    def add(self, data: CameraFrame | LidarSweep | RadarScan) -> None:
-        if not isinstance(data, CameraFrame):
-            points = self.lidar_points if isinstance(data, LidarSweep) else self.radar_points
-            points += np.bincount(data.body[data.body >= 0], minlength=len(points))
-        if not isinstance(data, RadarScan):
-            self.aimed += data.aimed
-            self.reached += data.reached
-
-    def visibility(self, index: int) -> int:
-        """nuScenes' level 1..4 (0-40, 40-60, 60-80, 80-100 %): the share of camera and LiDAR rays through the object that
-        nothing stops before it."""
-        share = self.reached[index] / max(self.aimed[index], 1)
-        return 1 + int(share > 0.4) + int(share > 0.6) + int(share > 0.8)
 
 
 def _quaternion(yaw: float) -> list[float]:

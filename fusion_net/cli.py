@@ -2,10 +2,12 @@
 
 Hydra alone suggests ``+key=value`` for a typo, which then silently adds a key that nobody reads. Here an unknown key, group
 or option is answered with the nearest valid one, and exceptions that are the user's to mend (ValueError, FileNotFoundError,
-OSError, a constructor's refusal) end the command with their message and exit code 1 instead of a traceback.
+OSError, a constructor's refusal) end the command with their message and exit code 1 instead of a traceback. In a sweep each
+job that fails says so in one line, and the others go on.
 """
 
 import difflib
+import os
 import re
 import sys
 from collections.abc import Callable, Iterator
@@ -15,8 +17,10 @@ from typing import Any
 from beartype.roar import BeartypeCallHintViolation
 from hydra import compose, initialize_config_dir
 from hydra import main as hydra_main
+from hydra.core.hydra_config import HydraConfig
 from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.errors import HydraException, InstantiationException
+from hydra.errors import HydraException, InstantiationException, MissingConfigException
+from hydra.types import RunMode
 from hydra.utils import instantiate
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import MissingMandatoryValue, OmegaConfBaseException
@@ -28,42 +32,57 @@ class UserError(ValueError):
     """A mistake that the user can mend; its message says what, where and how."""
 
 
+MISTAKES = (ValueError, OSError, HydraException, OmegaConfBaseException, BeartypeCallHintViolation)
+"""What a user can mend; anything else is a bug and keeps its traceback."""
+LISTS = ("data.root",)
+"""Keys that take one name or a list of them."""
+
+
+class JobError(Exception):
+    """A job of a sweep failed and has said why."""
+
+
 def command(config_name: str) -> Callable[[Callable[[DictConfig], Any]], Callable[[], None]]:
     """Makes a function of the composed config a command that parses ``sys.argv``."""
 
     def decorate(function: Callable[[DictConfig], Any]) -> Callable[[], None]:
         def guarded(cfg: DictConfig) -> Any:
-            with_line = _Guard(is_sweep="--multirun" in sys.argv or "-m" in sys.argv)
-            return with_line(function, cfg)
+            return _guard(function, cfg)
 
         guarded.__module__, guarded.__name__ = function.__module__, function.__name__
 
         def run() -> None:
+            os.environ["HYDRA_FULL_ERROR"] = "1"  # Hydra then raises its own errors instead of printing them
             try:
                 check_overrides(config_name, sys.argv[1:])
             except UserError as error:
                 _stop(str(error), code=2)
-            hydra_main(version_base="1.3", config_path=str(CONFIGS), config_name=config_name)(guarded)()
+            try:
+                hydra_main(version_base="1.3", config_path=str(CONFIGS), config_name=config_name)(guarded)()
+            except JobError:
+                _stop("not every job of the sweep succeeded; the same command does those that are left", code=1)
+            except MISTAKES as error:
+                _stop(one_line(error), code=1)
+            except KeyboardInterrupt:
+                _stop("interrupted; the same command goes on with what is left", code=130)
 
         return run
 
     return decorate
 
 
-class _Guard:
-    def __init__(self, *, is_sweep: bool) -> None:
-        self.is_sweep = is_sweep
-
-    def __call__(self, function: Callable[[DictConfig], Any], cfg: DictConfig) -> Any:
-        try:
-            return function(cfg)
-        except KeyboardInterrupt as interruption:
-            advice = str(interruption) or "what was written is kept, and the same command goes on from there"
-            _stop(f"interrupted; {advice}", code=130)
-        except (ValueError, OSError, HydraException, OmegaConfBaseException, BeartypeCallHintViolation) as error:
-            if self.is_sweep:
-                raise
+def _guard(function: Callable[[DictConfig], Any], cfg: DictConfig) -> Any:
+    try:
+        return function(cfg)
+    except KeyboardInterrupt as interruption:
+        advice = str(interruption) or "what was written is kept, and the same command goes on from there"
+        _stop(f"interrupted; {advice}", code=130)
+    except MISTAKES as error:
+        job = HydraConfig.get()
+        if job.mode != RunMode.MULTIRUN:
             _stop(one_line(error), code=1)
+        print(f"error: {' '.join(job.overrides.task)}: {one_line(error)}", file=sys.stderr, flush=True)
+        raise JobError from None
 
 
 def check_overrides(config_name: str, argv: list[str]) -> None:
@@ -88,6 +107,8 @@ def check_overrides(config_name: str, argv: list[str]) -> None:
         if key in groups and isinstance(value, str) and not override.is_sweep_override():
             if value not in groups[key]:
                 raise UserError(f"there is no {key}={value}; {_nearest(value, groups[key])}")
+            if key == "sweep" and not override.is_add():
+                raise UserError(f"a sweep is added to the settings: write +sweep={value}")
             chosen.append(str(override.input_line))
         elif key in groups and not override.is_sweep_override() and value is not None:
             raise UserError(f"{key}={value} is not a file name; there are {', '.join(groups[key])}")
@@ -99,7 +120,7 @@ def check_overrides(config_name: str, argv: list[str]) -> None:
             raise UserError(str(error).splitlines()[0]) from error
     for override in overrides:
         key = override.key_or_group
-        if override.is_add() or key in groups or key.startswith("hydra."):
+        if override.is_add() or key in groups or key.startswith(("hydra.", "hydra/")):
             continue
         if key not in known:
             raise UserError(f"unknown override '{key}'; {_nearest(key, sorted(known | set(groups)))}")
@@ -108,11 +129,15 @@ def check_overrides(config_name: str, argv: list[str]) -> None:
 
 
 def _check_type(key: str, value: Any, default: Any) -> None:
-    """A value must be of its default's kind. Nothing is known where that is null, a reference or a mapping."""
+    """A value must be of its default's kind. Nothing is known where that is null or a reference."""
     if isinstance(default, str) and ("${" in default or default == "???"):
         return
     text, old = f"{key}={'null' if value is None else value}", "false" if default is False else "true"
-    if isinstance(default, bool):
+    if isinstance(default, dict) and isinstance(value, dict):
+        for inner in map(str, value):
+            if inner not in default:
+                raise UserError(f"unknown key '{inner}' in {key}; {_nearest(inner, list(default))}")
+    elif isinstance(default, bool):
         if not isinstance(value, bool):
             raise UserError(f"{text} is not true or false; the default is {old}")
     elif isinstance(default, int | float):
@@ -121,7 +146,7 @@ def _check_type(key: str, value: Any, default: Any) -> None:
             raise UserError(f"{text} is not a {name}; the default is {default}")
     elif isinstance(default, list) and not isinstance(value, list):
         raise UserError(f"{text} is not a list; write '{key}=[{value}]'")
-    elif isinstance(default, str) and (value is None or isinstance(value, list | dict)):
+    elif isinstance(default, str) and (value is None or (isinstance(value, list | dict) and key not in LISTS)):
         raise UserError(f"{text} is not a name; the default is {default}")
 
 
@@ -138,8 +163,9 @@ def build(node: Any, where: str, **arguments: Any) -> Any:
     try:
         return instantiate(node, _convert_="all", **arguments)
     except InstantiationException as error:
-        key = re.search(r"full_key: (\S+)", str(error))
-        raise UserError(f"{key.group(1) if key else where}: {one_line(error.__cause__ or error)}") from error
+        found = re.search(r"full_key: (\S+)", str(error))
+        key, reason = found.group(1) if found else where, one_line(error.__cause__ or error)
+        raise UserError(reason if reason.startswith((f"{key}:", f"{key}.")) else f"{key}: {reason}") from error
 
 
 def one_line(error: BaseException) -> str:
@@ -149,6 +175,8 @@ def one_line(error: BaseException) -> str:
     if isinstance(error, MissingMandatoryValue):
         key = str(error.full_key or "a value")  # type: ignore[attr-defined]
         return f"{key} is needed; write {key}=VALUE"
+    if isinstance(error, MissingConfigException) and "hydra/launcher" in str(error):
+        return f"{str(error).splitlines()[0]}; launchers are installed with: python -m pip install -e '.[launchers]'"
     inner = re.search(r"Original Traceback.*^\w+: (.*)", str(error), re.DOTALL | re.MULTILINE)  # of a loader's process
     text = re.sub(r"\x1b\[[0-9;]*m", "", " ".join((inner.group(1) if inner else str(error)).split()))
     violated = re.search(r"parameter (\w+)=(.*?) violates type hint (.*?), as", text)

@@ -12,6 +12,8 @@ from typing import Any
 import torch
 from omegaconf import DictConfig, OmegaConf
 
+from fusion_net.settings import differences
+
 
 def open_run(folder: Path, cfg: DictConfig, *, resume: bool, overwrite: bool, data: Sequence[str] = ()) -> Path:
     """Creates ``folder`` with config.yaml and env.json. ValueError when it exists and neither flag is set.
@@ -35,6 +37,22 @@ def open_run(folder: Path, cfg: DictConfig, *, resume: bool, overwrite: bool, da
     OmegaConf.save(cfg, folder / "config.yaml", resolve=True)
     (folder / "env.json").write_text(json.dumps(environment() | {"data": list(data)}, indent=1) + "\n")
     return folder
+
+
+def mark_finished(folder: Path) -> None:
+    """Notes in env.json that the run is over."""
+    path = folder / "env.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"finished": True}, indent=1) + "\n")
+
+
+def is_finished(folder: Path, cfg: DictConfig) -> bool:
+    """Whether a run with the settings ``cfg`` is over. ValueError when the folder holds one with others."""
+    if not (folder / "config.yaml").exists() or not (folder / "env.json").exists():
+        return False
+    ours, theirs = (_settings(each) for each in (cfg, load_config(folder)))
+    if differs := differences(theirs, ours):
+        raise ValueError(f"{folder} is a run with other settings ({', '.join(differs[:3])}); move it away or delete it")
+    return json.loads((folder / "env.json").read_text()).get("finished", False)
 
 
 def refuse_other_data(folder: Path, data: Sequence[str]) -> None:
@@ -138,9 +156,15 @@ def _processor() -> str:
     return names[0] if names else platform.processor()
 
 
+def _settings(cfg: DictConfig) -> dict[str, Any]:
+    """What a run's result depends on: its settings without those that say how to treat a folder that exists."""
+    settings: Any = OmegaConf.to_container(cfg, resolve=True)
+    about_the_folder = ("name", "resume", "overwrite", "skip_finished")
+    return {key: value for key, value in settings.items() if key not in about_the_folder}
+
+
 def _refuse_other_model(folder: Path, cfg: DictConfig) -> None:
-    old: Any = OmegaConf.to_container(load_config(folder), resolve=True)
-    new: Any = OmegaConf.to_container(cfg, resolve=True)
+    old, new = _settings(load_config(folder)), _settings(cfg)
     for key in ("model", "encoders", "fuser", "grid", "classes"):
         if key in old and old[key] != new[key]:
             raise ValueError(f"{folder} was trained with another '{key}'; resume with the same, or pass name=ANOTHER")

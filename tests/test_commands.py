@@ -33,14 +33,14 @@ def run(arguments, folder):
 
 
 def press_ctrl_c(arguments, folder, *, once):
-    """Starts a command, interrupts it when ``once()`` holds; exit code and the last line of stderr."""
+    """Starts a command, interrupts it when ``once()`` holds; exit code and the lines of stderr."""
     command = start(arguments, folder)
     began = time.monotonic()
     while not once() and command.poll() is None and time.monotonic() - began < 200:
         time.sleep(0.05)
     os.killpg(command.pid, signal.SIGINT)
     error = command.communicate(timeout=60)[1]
-    return command.returncode, error.replace("\r", "\n").strip().splitlines()[-1]
+    return command.returncode, error.replace("\r", "\n").strip().splitlines()
 
 
 @pytest.fixture(scope="module")
@@ -73,13 +73,25 @@ MISTAKES = [
     (DATA_GEN, "seed=abc", "seed=abc is not a whole number"),
     (DATA_GEN, "workers=-1", "workers=-1 is not a number of processes"),
     (DATA_GEN, "rig=nanoo", "did you mean nano?"),
+    (DATA_GEN, "rig=surond", "did you mean surround?"),
+    (DATA_GEN, "condition=fogg", "did you mean fog?"),
+    (DATA_GEN, "condition=fog condition.severity=7", "severities are 1 to 3, or null for any"),
+    (DATA_GEN, "condition.weights={fogg:1}", "unknown key 'fogg' in condition.weights; there are clear, night"),
+    (DATA_GEN, "+condition.weights.fogg=1", "weights name 'fogg', but the presets are clear, night"),
+    (DATA_GEN, "shard=5/4", "shard=5/4: the first number runs from 1 to the second"),
+    (DATA_GEN, "shard=a/b", "shard=a/b is not NUMBER/COUNT, such as shard=3/64"),
+    (DATA_GEN, "data.num_scenes=4 shard=1/8", "4 scenes fill at most 4 shards"),
+    (DATA_GEN, "data.root=/proc/nowhere", "cannot write to data.root=/proc/nowhere"),
+    (DATA_GEN, "data.root=[a,b]", "root=['a', 'b'] is not of type str"),
+    (TRAIN, "sweep=seeds", "write +sweep=seeds"),
+    (TRAIN, "data.root=[]", "data.root=[] names no folder of data"),
 ]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("command", "override", "answer"), MISTAKES, ids=[override for _, override, _ in MISTAKES])
 def test_a_mistake_is_one_line_and_writes_nothing(command, override, answer, tmp_path):
-    code, _, error = run([*command, override], tmp_path)
+    code, _, error = run([*command, *override.split()], tmp_path)
     assert code in (1, 2)
     assert error.startswith("error: ")
     assert error.count("\n") == 1
@@ -95,6 +107,19 @@ def test_a_run_is_scored_with_every_subset_and_against_its_decoys(trained):
     assert len(doc["rows"]) == 7
     assert all(len(kind["rows"]) == 7 for kind in doc["decoys"])
     assert "AUC" in out
+
+
+@pytest.mark.slow
+def test_a_run_is_scored_under_a_fault_beside_its_clean_table(trained):
+    code, _, error = run(
+        [*EVAL, "run=runs/base", "bootstrap=5", "split=all", "fault=lidar_beams", "fault.severity=3"], trained
+    )
+    assert code == 0, error
+    doc = json.loads((trained / "runs/base/eval/lidar_beams_3/drop_table.json").read_text())
+    assert doc["fault"] == {"name": "lidar_beams", "severity": 3}
+    code, _, error = run([*EVAL, "run=runs/base", "fault=lidar_beams", "fault.severity=4"], trained)
+    assert (code, error.count("\n")) == (1, 1)
+    assert "fault.severity=4: 'lidar_beams' has severities 1 to 3" in error
 
 
 @pytest.mark.slow
@@ -125,8 +150,8 @@ def test_ctrl_c_keeps_the_checkpoint_and_training_goes_on(data, tmp_path):
     steps = ("trainer.camera_steps=60", "trainer.alone_steps=4", "trainer.fusion_steps=30")
     command = [*TRAIN, f"data.root={data}", "name=cut", *steps]
     metrics = tmp_path / "runs/cut/metrics.csv"
-    code, line = press_ctrl_c(command, tmp_path, once=metrics.exists)
-    assert (code, line) == (130, "error: interrupted; add resume=true to the same command to go on")
+    code, error = press_ctrl_c(command, tmp_path, once=metrics.exists)
+    assert (code, error[-1]) == (130, "error: interrupted; add resume=true to the same command to go on")
     before = metrics.read_text()
     code, _, error = run([*command, "resume=true"], tmp_path)
     assert (code, error) == (0, "")
@@ -137,17 +162,61 @@ def test_ctrl_c_keeps_the_checkpoint_and_training_goes_on(data, tmp_path):
 
 
 @pytest.mark.slow
-def test_ctrl_c_keeps_finished_scenes_and_generation_goes_on(tmp_path):
+@pytest.mark.parametrize("workers", [1, 2])
+def test_ctrl_c_keeps_finished_scenes_and_generation_goes_on(tmp_path, workers):
     root = tmp_path / "tree"
-    command = [*DATA_GEN, "data.num_scenes=8", f"data.root={root}"]
-    code, line = press_ctrl_c(command, tmp_path, once=lambda: len(list(root.glob("scenes/*.json"))) >= 2)
+    command = [*DATA_GEN, f"workers={workers}", "data.num_scenes=12", f"data.root={root}"]
+    code, error = press_ctrl_c(command, tmp_path, once=lambda: len(list(root.glob("scenes/*.json"))) >= 2)
     assert code == 130
-    assert line.startswith("error: interrupted")
+    assert error[-1].startswith("error: interrupted")
+    assert not [line for line in error[:-1] if "data_gen" not in line and "compiling" not in line]
     kept = {path: path.stat().st_mtime_ns for path in root.glob("scenes/*.json")}
-    assert 2 <= len(kept) < 8
+    assert 2 <= len(kept) < 12
     assert "half generated" in run([*TRAIN, f"data.root={root}"], tmp_path)[2]
     assert run(command, tmp_path)[0] == 0
     assert {path: path.stat().st_mtime_ns for path in kept} == kept
+
+
+@pytest.mark.slow
+def test_shards_made_side_by_side_train_and_are_scored_as_one_data_set(data, trained, tmp_path):
+    pytest.importorskip("hydra_plugins.hydra_joblib_launcher")
+    command = [*DATA_GEN, "-m", "shard=1/3,2/3,3/3", "hydra/launcher=joblib", "data.num_scenes=12", "data.root=shards"]
+    assert run(command, tmp_path)[0] == 0
+    assert sorted(path.name for path in (tmp_path / "shards").iterdir()) == [f"shard-{n}-of-3" for n in (1, 2, 3)]
+    assert [path.name for path in (tmp_path / "data").iterdir()] == [".multirun"]
+    assert run([*TRAIN, "data.root=shards", "name=base"], tmp_path)[0] == 0
+    assert (tmp_path / "runs/base/metrics.csv").read_text() == (trained / "runs/base/metrics.csv").read_text()
+    code, _, error = run([*EVAL, "run=runs/base", "bootstrap=5", f"data.root=[{data}]"], tmp_path)
+    assert (code, error.count("warning")) == (0, 0)
+    code, _, error = run([*EVAL, "run=runs/base", f"data.root=[shards,{data}]"], tmp_path)
+    assert code == 1
+    assert "hold the same samples" in error
+
+
+@pytest.mark.slow
+def test_a_sweep_does_what_is_left_and_a_job_that_fails_stops_no_other(data, tmp_path):
+    steps = ("trainer.camera_steps=2", "trainer.alone_steps=2", "trainer.fusion_steps=4")
+    command = [*TRAIN, "-m", "+sweep=seeds", "seed=1,2", *steps, f"data.root={data}"]
+    assert run(command, tmp_path)[0] == 0
+    sweep = tmp_path / "runs/sweeps/seeds"
+    one, two = sorted(path for path in sweep.iterdir() if path.is_dir())
+    assert [one.name[:6], two.name[:6]] == ["seed=1", "seed=2"]
+    assert sorted(path.name for path in sweep.iterdir() if path.is_file()) == ["multirun.yaml"]
+    assert [path.name for path in tmp_path.iterdir()] == ["runs"]
+    was = {path: path.stat().st_mtime_ns for path in sweep.rglob("*") if path.is_file() and path.parent != sweep}
+    code, out, _ = run(command, tmp_path)
+    assert (code, out.count("is finished")) == (0, 2)
+    assert {path: path.stat().st_mtime_ns for path in was} == was
+    config = one / "config.yaml"
+    config.write_text(config.read_text().replace("modality_dropout: 0.3", "modality_dropout: 0.4"))
+    (two / "env.json").write_text("{}")  # interrupted after its last checkpoint
+    code, out, error = run(command, tmp_path)
+    assert code == 1
+    assert "seed=1 is a run with other settings (modality_dropout: 0.4 there, 0.3 asked for)" in error.replace(
+        one.name, "seed=1"
+    )
+    assert "Traceback" not in error
+    assert json.loads((two / "env.json").read_text())["finished"]
 
 
 @pytest.mark.slow

@@ -91,6 +91,7 @@ def car(variant: str, paint: Material) -> Asset:
     parts = [_lower_body(shape, paint), *_glass_house(shape, paint), *_ends(shape, paint)]
     for x in _wheels(shape):
         parts += axle(x, shape.size[1] / 2 - 0.015, shape.radius, 0.22)
+    parts += _doors(shape, paint)
     if shape.bed:
         parts += _bed(shape, paint)
     big = shape.size[2] > 1.9
@@ -171,6 +172,25 @@ def _glass_house(shape: Shape, paint: Material) -> list[Mesh]:
     return [extrude(house, taper, paint), *windows]
 
 
+def _doors(shape: Shape, paint: Material) -> list[Mesh]:
+    """The gaps around the doors, their handles, and mirrors at the foot of the windscreen."""
+    half_width, low = shape.size[1] / 2, shape.floor + 0.14
+    front, rear = shape.glass[0] - 0.22, _wheels(shape)[1] + shape.radius + 0.10
+    seams = [front, *(x for x in shape.pillars if rear < x < front)]
+    seams.append(rear if not seams[1:] or seams[-1] > rear + 0.35 else seams.pop())
+    parts = []
+    for x in seams:
+        top = float(np.interp(x, [shape.glass[3], shape.glass[0]], shape.belt[::-1])) - 0.02
+        gap = [(x - 0.012, low), (x + 0.012, low), (x + 0.012, top), (x - 0.012, top)]
+        parts.append(side_patch(gap, half_width, GAP))
+        if x != front:
+            handle = [(x + 0.10, top - 0.16), (x + 0.30, top - 0.16), (x + 0.30, top - 0.11), (x + 0.10, top - 0.11)]
+            parts.append(side_patch(handle, half_width, TRIM))
+    z = shape.belt[0]
+    mirrors = [sorted((side * (half_width - 0.19), side * (half_width - 0.01))) for side in (-1, 1)]
+    return [*parts, *(box((front - 0.10, y[0], z), (front + 0.02, y[1], z + 0.15), paint, back=GLASS) for y in mirrors)]
+
+
 def _ends(shape: Shape, paint: Material) -> list[Mesh]:
     half, half_width, nose, floor = shape.size[0] / 2, shape.size[1] / 2, shape.nose, shape.floor
     tail = shape.tail
@@ -206,4 +226,5 @@ def _bed(shape: Shape, paint: Material) -> list[Mesh]:
     return [*walls, gate, sheet]
 
 
+GAP = Material((0.012, 0.012, 0.013), 0.05)
 PAINTS = CAR_PAINTS

@@ -53,6 +53,7 @@ def giant(asset: Asset, scale: float = 2.0) -> Asset:
         category="",
         imitates=asset.category,
         size=(scale * length, scale * width, scale * height),
+        gait=(),
         mesh=Mesh(mesh.vertices * np.float32(scale), mesh.faces, mesh.surface),
         scatterers=Scatterers(
             points.position * np.float32(scale), points.normal, points.rcs + np.float32(20 * np.log10(scale))

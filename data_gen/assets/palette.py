@@ -38,8 +38,8 @@ class Material:
 
 
 def lacquer(rgb: RGB) -> Material:
-    """Car paint: glossy; pigments that are dark to the eye are mostly dark to the LiDAR."""
-    return Material(rgb, 0.2 + 0.6 * _luminance(rgb), specular=0.2)
+    """Car paint: glossy where no dirt lies on it; pigments that are dark to the eye are mostly dark to the LiDAR."""
+    return Material(rgb, 0.2 + 0.6 * _luminance(rgb), texture="lacquer", specular=0.2)
 
 
 def cloth(rgb: RGB) -> Material:
@@ -70,10 +70,12 @@ CONCRETE = Material((0.36, 0.35, 0.33), 0.3, "concrete")
 TIMBER = Material((0.36, 0.22, 0.10), 0.45, "wood")
 EARTH = Material((0.16, 0.10, 0.055), 0.25, "concrete")
 BARK = Material((0.085, 0.058, 0.036), 0.3, "wood")
+BIRCH_BARK = Material((0.46, 0.44, 0.40), 0.4, "wood")
 LEATHER = Material((0.025, 0.02, 0.018), 0.2, "fabric")
 WHITE_SHEETING = Material((0.82, 0.82, 0.82), 0.9)
 RED_SHEETING = Material((0.55, 0.02, 0.02), 0.9)
 BLUE_SHEETING = Material((0.015, 0.10, 0.45), 0.9)
+YELLOW_SHEETING = Material((0.80, 0.50, 0.01), 0.88)
 GREEN_SHEETING = Material((0.01, 0.20, 0.09), 0.9)
 MACHINE_YELLOW = lacquer((0.80, 0.44, 0.015))
 MACHINE_ORANGE = lacquer((0.75, 0.19, 0.015))
@@ -85,7 +87,13 @@ HAIRS = tuple(cloth(rgb) for rgb in ((0.02, 0.014, 0.01), (0.11, 0.055, 0.025), 
 WHITE, SILVER, GREY, BLACK = (0.74, 0.74, 0.72), (0.40, 0.41, 0.42), (0.12, 0.125, 0.135), (0.014, 0.014, 0.016)
 RED, BLUE, GREEN, BEIGE = (0.42, 0.015, 0.018), (0.02, 0.075, 0.34), (0.02, 0.14, 0.06), (0.44, 0.35, 0.21)
 
-CAR_PAINTS = tuple(lacquer(rgb) for rgb in (WHITE, SILVER, GREY, BLACK, RED, BLUE, GREEN, BEIGE))
+CAR_PAINTS = tuple(
+    lacquer(rgb)
+    for rgb in (
+        WHITE, SILVER, GREY, BLACK, RED, BLUE, GREEN, BEIGE, (0.055, 0.06, 0.07), (0.64, 0.63, 0.58), (0.006, 0.014, 0.13),
+        (0.13, 0.012, 0.02), (0.16, 0.30, 0.46), (0.60, 0.17, 0.015), (0.24, 0.245, 0.25), (0.16, 0.09, 0.045),
+    )
+)  # fmt: skip
 TRUCK_PAINTS = tuple(lacquer(rgb) for rgb in (WHITE, (0.45, 0.02, 0.02), (0.02, 0.10, 0.38), (0.03, 0.22, 0.10)))
 BUS_PAINTS = tuple(
     lacquer(rgb) for rgb in ((0.62, 0.03, 0.03), (0.72, 0.72, 0.68), (0.02, 0.14, 0.46), (0.03, 0.30, 0.13))

@@ -18,7 +18,7 @@ from data_gen.assets.palette import (
     cloth,
     lacquer,
 )
-from data_gen.assets.profiles import assemble, at, ball, box, loft
+from data_gen.assets.profiles import animated, assemble, at, ball, box, loft
 from data_gen.assets.radar import cloud
 from data_gen.mesh import Asset, Mesh
 
@@ -51,6 +51,12 @@ class Joints:
     hands: Sequence[ArrayLike]
 
 
+PHASES = 8
+"""Poses of a stride."""
+STRIDE = 0.68
+"""Length of a stride, two steps, in body heights."""
+KNEE = (7.0, 13.0, 8.0, 8.0, 17.0, 32.0, 48.0, 25.0, 7.0)
+"""Degrees that the knee is bent at eighths of a stride, from heel strike to heel strike."""
 NAVY = cloth((0.012, 0.018, 0.05))
 WORK_TROUSERS = cloth((0.05, 0.06, 0.10))
 YELLOW_HELMET, WHITE_HELMET = lacquer((0.80, 0.50, 0.02)), lacquer((0.75, 0.75, 0.73))
@@ -72,14 +78,21 @@ PEOPLE = {
 
 
 def pedestrian(variant: str, paint: int) -> Asset:
-    """A person of the named kind in the outfit number ``paint``."""
+    """A person of the named kind in the outfit number ``paint``; who walks moves legs and arms."""
     kind, height, build, walks = PEOPLE[variant]
-    joints = _walking(height, build) if walks else _standing(height, build, phone="woman" in variant)
-    parts = figure(joints, _look(variant, paint), height, build)
+    poses = (
+        [_walking(height, build, phase / PHASES) for phase in range(PHASES)]
+        if walks
+        else [_standing(height, build, phone="woman" in variant)]
+    )
+    phases = [figure(joints, _look(variant, paint), height, build) for joints in poses]
     if "bag" in variant:
-        hand = np.asarray(joints.hands[1])
-        parts.append(box(at(hand, -0.2, -0.06, -0.38), at(hand, 0.2, 0.06, -0.06), LEATHER))
-    return assemble(f"pedestrian {variant}", f"human.pedestrian.{kind}", parts, lambda size: _echoes(size, kind))
+        for joints, parts in zip(poses, phases, strict=True):
+            hand = np.asarray(joints.hands[1])
+            parts.append(box(at(hand, -0.2, -0.06, -0.38), at(hand, 0.2, 0.06, -0.06), LEATHER))
+    category = f"human.pedestrian.{kind}"
+    asset = assemble(f"pedestrian {variant}", category, phases[0], lambda size: _echoes(size, kind))
+    return animated(asset, phases, STRIDE * height) if walks else asset
 
 
 def _echoes(size: tuple[float, float, float], kind: str):
@@ -198,8 +211,16 @@ def _pose(
     )
 
 
-def _walking(h: float, build: float) -> Joints:
-    return _pose(h, h * build, legs=((24, 17), (-17, -34)), arms=((-24, -8), (18, 40)), lean=0.018, splay=0.015)
+def _walking(h: float, build: float, phase: float) -> Joints:
+    """A stride: the left heel strikes at ``phase`` 0, the right one at 0.5. Thighs and arms swing as cosines, arms against
+    legs; the knee gives a little under load and folds while the leg swings forward."""
+    legs, arms = [], []
+    for turn in (phase, phase + 0.5):
+        swing = np.cos(2 * np.pi * turn)
+        thigh, upper = 3.5 + 20.5 * swing, -3.0 - 21.0 * swing
+        legs.append((thigh, thigh - np.interp(8 * turn % 8, np.arange(9), KNEE)))
+        arms.append((upper, upper + 19.0 - 3.0 * swing))
+    return _pose(h, h * build, legs=legs, arms=arms, lean=0.018, splay=0.015)
 
 
 def _standing(h: float, build: float, *, phone: bool) -> Joints:

@@ -1,25 +1,20 @@
-"""Posts and what they carry: masts, lamps, signals, signs, sign bridges.
+"""Posts and what they carry: masts, lamps, signals.
 
 What has a front shows it to a driver who comes along +x: its face looks towards -x. Arms reach to the left (+y).
 """
 
-import numpy as np
-
 from data_gen.assets.palette import (
-    BLUE_SHEETING,
     DARK_STEEL,
-    GREEN_SHEETING,
-    RED_SHEETING,
     STEEL,
     TIMBER,
     TRIM,
     WHITE_SHEETING,
     Material,
 )
-from data_gen.assets.profiles import assemble, box, end_patch, extrude, loft, moved
-from data_gen.assets.radar import line, points
+from data_gen.assets.profiles import assemble, box, end_patch, loft
+from data_gen.assets.radar import points
 from data_gen.assets.roadworks import PLASTIC_WHITE
-from data_gen.mesh import Asset, Mesh, Scatterers
+from data_gen.mesh import Asset, Scatterers
 
 
 def pole(variant: str) -> Asset:
@@ -102,73 +97,3 @@ def traffic_light(variant: str) -> Asset:
         parts,
         lambda size: points([(0, -size[1] / 2 + 0.17, 1.0), (0, -size[1] / 2 + 0.17, 2.8)], (-3.0, 0.0)),
     )
-
-
-def sign_post(variant: str) -> Asset:
-    """A sign of a person's height on a post: round, triangle, rectangle, or an octagon."""
-    sections, radius, rim, panel = {
-        "round": (12, 0.33, RED_SHEETING, WHITE_SHEETING),
-        "triangle": (3, 0.42, RED_SHEETING, WHITE_SHEETING),
-        "rectangle": (4, 0.38, WHITE_SHEETING, BLUE_SHEETING),
-        "octagon": (8, 0.34, WHITE_SHEETING, RED_SHEETING),
-    }[variant]
-    height = {"round": 1.75, "triangle": 1.70, "rectangle": 1.62, "octagon": 1.85}[variant]
-    centre = height - radius
-    post = loft([(0.03, 0, 0), (0.03, 0, height - 0.1)], [0.035, 0.035], STEEL, sections=6)
-    layers = [
-        _plate(sections, radius, centre, -0.010, 0.000, STEEL),
-        _plate(sections, radius, centre, -0.020, -0.010, rim),
-        _plate(sections, 0.74 * radius, centre, -0.028, -0.020, panel),
-    ]
-    bars = []
-    if variant != "triangle":
-        mark = TRIM if panel is WHITE_SHEETING else WHITE_SHEETING
-        bars = [end_patch(-0.032, (-0.45 * radius, 0.45 * radius), (centre - 0.09, centre + 0.09), mark, facing=-1)]
-    return assemble(
-        f"sign post {variant}",
-        "",
-        [post, *layers, *bars],
-        lambda size: points([(0, 0, centre), (0, 0, 0.6)], (3.0, -6.0)),
-    )
-
-
-def _plate(sections: int, radius: float, z: float, low: float, high: float, skin: Material) -> Mesh:
-    """A regular polygon across the road from x = ``low`` to ``high``; triangles stand on a side."""
-    angle = np.pi / 2 + (np.arange(sections) + (0.5 if sections % 2 == 0 else 0.0)) * 2 * np.pi / sections
-    outline = [(radius * np.cos(a), z + radius * np.sin(a)) for a in angle]
-    return moved(extrude(outline, (high - low) / 2, skin), offset=((low + high) / 2, 0, 0), yaw=-np.pi / 2)
-
-
-def gantry(variant: str) -> Asset:
-    """A sign bridge over the carriageway, or a cantilever over its right half."""
-    reach = 7.0
-    parts = [
-        box((-0.15, y - 0.15, 0), (0.15, y + 0.15, 6.6), STEEL)
-        for y in ((-reach, reach) if variant == "bridge" else (-reach,))
-    ]
-    end = reach if variant == "bridge" else 0.5
-    parts += [
-        box((x - 0.05, -reach, z - 0.06), (x + 0.05, end, z + 0.06), STEEL) for x in (-0.3, 0.3) for z in (5.7, 6.6)
-    ]
-    spans = [(-5.8, -1.6), (-0.9, 2.6), (3.2, 6.2)] if variant == "bridge" else [(-5.2, 0.2)]
-    for low, high in spans:
-        skin = GREEN_SHEETING if high - low < 4 else BLUE_SHEETING
-        parts.append(box((-0.46, low, 5.3), (-0.38, high, 7.1), STEEL, back=WHITE_SHEETING))
-        parts.append(end_patch(-0.47, (low + 0.08, high - 0.08), (5.38, 7.02), skin, facing=-1))
-        for z, share in ((6.45, 0.75), (5.95, 0.55)):
-            parts.append(
-                end_patch(
-                    -0.48,
-                    (high - 0.4 - share * (high - low - 0.8), high - 0.4),
-                    (z - 0.12, z + 0.12),
-                    WHITE_SHEETING,
-                    facing=-1,
-                )
-            )
-
-    def scatter(size) -> Scatterers:
-        half = size[1] / 2
-        feet = [(0, -half + 0.15, 1.0), (0, half - 0.15, 1.0)][: 2 if variant == "bridge" else 1]
-        return Scatterers.concatenate([points(feet, 8.0), line((0, -half, 6.2), (0, half, 6.2), per_metre=6.0)])
-
-    return assemble(f"gantry {variant}", "", parts, scatter)

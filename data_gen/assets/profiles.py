@@ -5,6 +5,7 @@ joins the parts and fits them to the labelled box.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import mapbox_earcut
 import numpy as np
@@ -61,19 +62,31 @@ def extrude(
     )
 
 
-def side_patch(outline: Outline, width: Width, material: Material, *, proud: float = 0.012) -> Mesh:
-    """The outline laid on both sides of a body of the same ``width``, ``proud`` metres outside it: windows, stripes."""
+def side_patch(
+    outline: Outline, width: Width, material: Material, *, proud: float = 0.012, sides: Sequence[int] = (-1, 1)
+) -> Mesh:
+    """The outline laid on the ``sides`` (-1 right, 1 left) of a body of the same ``width``, ``proud`` metres outside it:
+    windows, stripes."""
     xz = np.array(outline, float)
     half = _half(width, xz) + proud
     cap, count = _triangulate(xz), len(xz)
-    right, left = (np.stack([xz[:, 0], sign * half, xz[:, 1]], axis=1) for sign in (-1, 1))
-    return _mesh(np.concatenate([right, left]), np.concatenate([cap, cap[:, ::-1] + count]), [(material, 2 * len(cap))])
+    vertices = [np.stack([xz[:, 0], side * half, xz[:, 1]], axis=1) for side in sides]
+    faces = [(cap if side < 0 else cap[:, ::-1]) + i * count for i, side in enumerate(sides)]
+    return _mesh(np.concatenate(vertices), np.concatenate(faces), [(material, len(sides) * len(cap))])
 
 
 def end_patch(x: float, y: tuple[float, float], z: tuple[float, float], material: Material, *, facing: int = 1) -> Mesh:
     """A rectangle across the body at ``x`` that faces forward (1) or back (-1): lamps, plates, grilles."""
     corners = [(x, y[0], z[0]), (x, y[1], z[0]), (x, y[1], z[1]), (x, y[0], z[1])]
     return _mesh(corners if facing > 0 else corners[::-1], [(0, 1, 2), (0, 2, 3)], [(material, 2)])
+
+
+def face_patch(x: float, outline: Sequence[tuple[float, float]], material: Material, *, facing: int = 1) -> Mesh:
+    """A polygon of points (y, z) across the body at ``x`` that faces forward (1) or back (-1): symbols on signs."""
+    yz = np.array(outline, float)
+    cap = _triangulate(yz)
+    vertices = np.column_stack([np.full(len(yz), x), yz])
+    return _mesh(vertices, cap if facing > 0 else cap[:, ::-1], [(material, len(cap))])
 
 
 def end_pair(x: float, y: tuple[float, float], z: tuple[float, float], material: Material, *, facing: int = 1) -> Mesh:
@@ -208,8 +221,7 @@ def assemble(
     """Join the parts, drop empty faces, stretch to ``size`` (length, width, height; None: as built), put the origin on
     the ground below the centre of the box. ``scatter`` gives the radar's view of a body of that size."""
     mesh = Mesh.concatenate(parts)
-    a, b, c = (mesh.vertices[mesh.faces[:, i]] for i in range(3))
-    solid = np.linalg.norm(np.cross(b - a, c - a), axis=1) > 1e-7
+    solid = _solid(mesh)
     surface = Surface(*(values[solid] for values in vars(mesh.surface).values()))
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     if size is None:
@@ -218,3 +230,21 @@ def assemble(
     origin = np.array([*(low + high)[:2] / 2, low[2]])
     vertices = ((mesh.vertices - origin) * (np.array(size) / (high - low))).astype(np.float32)
     return Asset(name, category, size, Mesh(vertices, mesh.faces[solid], surface), scatter(size))
+
+
+def animated(asset: Asset, phases: Sequence[Sequence[Mesh]], stride: float) -> Asset:
+    """An assembled asset that moves its limbs: ``phases`` are its parts over a cycle of ``stride`` metres, the first as they
+    were assembled. Each stands on the ground and is as tall as the box."""
+    first, gait = Mesh.concatenate(phases[0]), []
+    solid, middle = _solid(first), (first.vertices.min(axis=0) + first.vertices.max(axis=0)) / 2
+    for parts in phases:
+        vertices = Mesh.concatenate(parts).vertices - middle
+        low, high = vertices[:, 2].min(), vertices[:, 2].max()
+        vertices[:, 2] = (vertices[:, 2] - low) * asset.size[2] / (high - low)
+        gait.append(Mesh(vertices.astype(np.float32), first.faces[solid], asset.mesh.surface))
+    return replace(asset, gait=tuple(gait), stride=stride)
+
+
+def _solid(mesh: Mesh) -> NDArray[np.bool_]:
+    a, b, c = (mesh.vertices[mesh.faces[:, i]] for i in range(3))
+    return np.linalg.norm(np.cross(b - a, c - a), axis=1) > 1e-7

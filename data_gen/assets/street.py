@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from data_gen.assets.lettering import end_text, symbol
 from data_gen.assets.palette import (
     CONCRETE,
     DARK_STEEL,
@@ -14,6 +15,10 @@ from data_gen.assets.profiles import assemble, box, end_patch, extrude, loft, mo
 from data_gen.assets.radar import cloud, line, points
 from data_gen.assets.roadworks import jersey
 from data_gen.mesh import Asset, Scatterers
+
+PRINT, SUNNY, CRIMSON, INK = (
+    Material(rgb, 0.5) for rgb in ((0.78, 0.78, 0.76), (0.85, 0.60, 0.04), (0.48, 0.02, 0.04), (0.02, 0.03, 0.05))
+)
 
 
 def guard_rail(variant: str) -> Asset:
@@ -49,16 +54,38 @@ def metal_plate(variant: str) -> Asset:
     )
 
 
+# name: height of the lower edge, what the picture is on, words as (text, middle (y, z), letter height, colour)
+BILLBOARDS = {
+    "low": (0.2, Material((0.75, 0.55, 0.05), 0.5, "hoarding"), ()),
+    "high": (2.2, lacquer((0.03, 0.30, 0.55)), (("SALE", (0.0, 2.1), 0.9, PRINT), ("50 %", (0.0, 0.85), 0.8, SUNNY))),
+    "poster": (
+        0.6,
+        lacquer((0.70, 0.66, 0.55)),
+        (("FRESH", (0.7, 2.2), 0.55, CRIMSON), ("DAILY", (0.7, 1.3), 0.55, INK)),
+    ),
+    "tall poster": (
+        2.4,
+        lacquer((0.42, 0.03, 0.05)),
+        (("RADIO", (0.2, 2.1), 0.7, PRINT), ("96 5", (0.6, 1.0), 0.8, SUNNY)),
+    ),
+}
+
+
 def billboard(variant: str) -> Asset:
-    """A hoarding of 6 by 3 metres on two posts, or down on the ground."""
-    low = 0.2 if variant == "low" else 2.2
+    """A hoarding of 6 by 3 metres on two posts, or down on the ground: a builder's stripes, or a poster."""
+    low, ground, words = BILLBOARDS[variant]
     frame = lacquer((0.10, 0.10, 0.11))
-    picture = Material({"low": (0.75, 0.55, 0.05), "high": (0.03, 0.30, 0.55)}[variant], 0.5, "hoarding")
     parts = [box((0.06, y - 0.1, 0), (0.26, y + 0.1, low + 2.8), frame) for y in (-2.0, 2.0)]
     parts += [
         box((-0.06, -3.0, low), (0.06, 3.0, low + 3.0), frame),
-        end_patch(-0.072, (-2.88, 2.88), (low + 0.12, low + 2.88), picture, facing=-1),
+        end_patch(-0.072, (-2.88, 2.88), (low + 0.12, low + 2.88), ground, facing=-1),
     ]
+    for word, (y, z), height, ink in words:
+        parts += end_text(word, -0.085, (y, low + z), height, ink)
+    if words:  # what is for sale: a disc, and a band below it
+        disc = [(0.62 * np.cos(a), 0.62 * np.sin(a)) for a in np.arange(12) * np.pi / 6]
+        parts.append(symbol(disc, -0.08, (-2.1, low + 1.7), 1.0, words[-1][3]))
+        parts.append(end_patch(-0.08, (-2.88, 2.88), (low + 0.12, low + 0.38), words[0][3], facing=-1))
 
     def scatter(size) -> Scatterers:
         flat = line((-size[0] / 2, -2.5, low + 1.0), (-size[0] / 2, 2.5, low + 1.0), per_metre=11.0, normal=(-1, 0, 0))

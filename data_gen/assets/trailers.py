@@ -36,7 +36,14 @@ def trailer(variant: str, paint: Material) -> Asset:
     ]
     if variant == "box":
         parts += box_body(
-            -half + 0.02, half, width, 1.15, height, WHITE_BOX if paint.albedo[0] < 0.6 else paint, stripe=paint
+            -half + 0.02,
+            half,
+            width,
+            1.15,
+            height,
+            WHITE_BOX if paint.albedo[0] < 0.6 else paint,
+            stripe=paint,
+            word="EUROLINE",
         )
         parts.append(
             side_patch(

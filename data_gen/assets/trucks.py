@@ -1,5 +1,6 @@
 """Lorries: box truck, tipper, tractor unit, flatbed."""
 
+from data_gen.assets.lettering import side_text
 from data_gen.assets.palette import (
     ALUMINIUM,
     AMBER,
@@ -116,7 +117,7 @@ def stern(x: float, width: float, low: float, high: float) -> list[Mesh]:
 
 def _load(variant: str, rear: float, front: float, width: float, height: float, paint: Material) -> list[Mesh]:
     if variant in ("box", "small box"):
-        return box_body(rear, front, width, 0.98, height, WHITE_BOX, stripe=paint)
+        return box_body(rear, front, width, 0.98, height, WHITE_BOX, stripe=paint, word="CARGO")
     if variant == "tipper":
         return _tipper(rear, front, width, height)
     if variant == "flatbed":
@@ -137,9 +138,9 @@ WHITE_BOX = Material((0.70, 0.70, 0.68), 0.6, specular=0.1)
 
 
 def box_body(
-    rear: float, front: float, width: float, low: float, height: float, skin: Material, *, stripe: Material
+    rear: float, front: float, width: float, low: float, height: float, skin: Material, *, stripe: Material, word: str
 ) -> list[Mesh]:
-    """A closed body: edge rails, a stripe of colour along the sides, doors with bars at the back."""
+    """A closed body: edge rails, a stripe of colour with a ``word`` on it along the sides, doors with bars at the back."""
     w = width / 2
     rail = 0.12
     middle = (low + height) / 2
@@ -161,6 +162,7 @@ def box_body(
             w - 0.01,
             stripe,
         ),
+        *side_text(word, ((rear + front) / 2 + 0.1, middle), 0.5, w - 0.01, skin),
         end_patch(rear - 0.004, (-w + 0.02, w - 0.02), (low, low + rail), RED_SHEETING, facing=-1),
         end_patch(rear - 0.004, (-w + 0.02, w - 0.02), (height - rail, height), STEEL, facing=-1),
         *doors,

@@ -1,9 +1,10 @@
-"""The camera: one ray through every pixel's centre, more where the picture has edges; then lens and sensor.
+"""The camera: one ray through every pixel's centre, more where the picture has edges; then air, lens and sensor.
 
 The body image and the depth come from the centre rays alone; at edges the picture averages five rays in linear light.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -12,8 +13,13 @@ from numpy.typing import NDArray
 from data_gen.jit import jit
 from data_gen.rig import Camera
 from data_gen.scene import Hits, Scene
-from data_gen.sensors.imaging import develop
+from data_gen.sensors import glare, lens
+from data_gen.sensors.imaging import Exposure, auto_exposure, develop
+from data_gen.sensors.motion_blur import motion_blur
+from data_gen.sensors.rain_image import add_streaks
 from data_gen.sensors.rendering import Renderer, View
+from data_gen.sensors.spray_image import add_spray
+from data_gen.spray import plumes_at
 
 _SUBPIXEL = np.array([[1, 3], [3, -1], [-1, -3], [-3, 1]]) / 8
 """Offsets from a pixel's centre (right, down) of the extra rays of an edge pixel: a rotated grid."""
@@ -34,40 +40,100 @@ class CameraFrame:
 
 
 def render_camera(
-    scene: Scene, camera: Camera, *, ego_T_sensor: NDArray | None = None, t: float, rng: np.random.Generator
+    scene: Scene,
+    camera: Camera,
+    *,
+    ego_T_sensor: NDArray | None = None,
+    t: float,
+    rng: np.random.Generator,
+    lens_seed: int = 0,
 ) -> CameraFrame:
     """Expose one frame at time ``t`` (s). ``ego_T_sensor`` (4, 4) replaces the nominal mount, for a camera that was knocked.
 
-    ``rng`` feeds the sensor's noise alone: the same generator state gives the same bytes.
+    ``rng`` feeds what is new in every frame, falling rain and the sensor's noise; ``lens_seed`` stands for the camera's lens
+    during the scene, with its drops and its dirt. The same of both give the same bytes.
     """
-    linear, hits = render_luminance(scene, camera, ego_T_sensor=ego_T_sensor, t=t)
+    renderer = Renderer(scene, _view(scene, camera, ego_T_sensor, t), t)
+    light, rays, hits = _trace(renderer, camera)
     shape = camera.height, camera.width
+    condition, view = scene.condition, renderer.view
+    sun = glare.sun_on_lens(scene, view, renderer.light, t)
+    veil = glare.veil(
+        view, renderer.light, sun, renderer.lamps.points, hits.distance.reshape(shape), glare.straylight(condition)
+    )
+    exposure = auto_exposure(light if veil is None else light + veil)
+    light = motion_blur(light, renderer, camera.cam_K, rays, hits, exposure.shutter)
+    _weather_on_lens(light, renderer, camera, sun, exposure, rng, lens_seed)
+    if veil is not None:
+        light = light + veil
+        glare.add_ghosts(light, view, renderer.light, sun)
     depth = hits.distance.reshape(shape) * _cosine(camera)
-    return CameraFrame(develop(linear, rng), hits.body.reshape(shape), depth, hits.aimed, hits.reached)
+    return CameraFrame(develop(light, rng, exposure), hits.body.reshape(shape), depth, hits.aimed, hits.reached)
 
 
 def render_luminance(
     scene: Scene, camera: Camera, *, ego_T_sensor: NDArray | None = None, t: float
 ) -> tuple[NDArray[np.float32], Hits]:
-    """The light (H, W, 3) in cd/m^2 that falls on the sensor, and the hits of the pixels' centres, row by row."""
-    view = View(camera.cam_K, scene.ego.pose(t) @ (camera.ego_T_sensor if ego_T_sensor is None else ego_T_sensor))
-    shape = camera.height, camera.width
-    renderer = Renderer(scene, view, t)
-    rows, columns = np.indices(shape)
-    centers = np.stack([columns.ravel(), rows.ravel()], axis=1) + 0.5
+    """The light (H, W, 3) in cd/m^2 that comes to the lens, and the hits of the pixels' centres, row by row."""
+    light, _, hits = _trace(Renderer(scene, _view(scene, camera, ego_T_sensor, t), t), camera)
+    return light, hits
+
+
+def _view(scene: Scene, camera: Camera, ego_T_sensor: NDArray | None, t: float) -> View:
+    return View(camera.cam_K, scene.ego.pose(t) @ (camera.ego_T_sensor if ego_T_sensor is None else ego_T_sensor))
+
+
+def _trace(renderer: Renderer, camera: Camera) -> tuple[NDArray[np.float32], NDArray[np.float32], Hits]:
+    """The light (H, W, 3), and the rays (H W, 3) through the pixels' centres with what they met."""
+    scene, view, shape = renderer.scene, renderer.view, (camera.height, camera.width)
+    centers = _centers(*shape)
     rays = view.rays(centers)
     hits, lit = renderer.cast(rays)
     open_sky = _open_sky(renderer.cover(rays, hits).reshape(shape)).ravel()
-    linear = renderer.luminance(rays, hits, lit, open_sky, 1.0)
+    mirror = renderer.mirrored(rays, hits, shape)
+    linear = renderer.luminance(rays, hits, lit, open_sky, mirror, 1.0)
     tint = scene.surface.albedo[:, 1][hits.face]
     score = _edges(hits.body.reshape(shape), hits.distance, hits.normal, rays, lit, tint, linear)
     chosen = _most(score, _EDGE_SHARE)
     rays_e = view.rays((centers[chosen, None] + _SUBPIXEL).reshape(-1, 2))
     hits_e, lit_e = renderer.cast(rays_e)
     sky_e = np.repeat(open_sky[chosen], len(_SUBPIXEL))
-    extra = renderer.luminance(rays_e, hits_e, lit_e, sky_e, 0.5).reshape(len(chosen), len(_SUBPIXEL), 3)
+    mirror_e = np.repeat(mirror[chosen] if len(mirror) else mirror, len(_SUBPIXEL), axis=0)
+    extra = renderer.luminance(rays_e, hits_e, lit_e, sky_e, mirror_e, 0.5).reshape(len(chosen), len(_SUBPIXEL), 3)
     linear[chosen] = (linear[chosen] + extra.sum(axis=1)) / (1 + len(_SUBPIXEL))
-    return linear.reshape(*shape, 3), hits
+    if scene.condition.spray:
+        add_spray(linear, renderer, plumes_at(scene, renderer.t), rays, hits.distance)
+    return linear.reshape(*shape, 3), rays, hits
+
+
+@lru_cache(maxsize=8)
+def _centers(height: int, width: int) -> NDArray[np.float64]:
+    """Pixel coordinates (H W, 2) of the pixels' centres, as (u, v)."""
+    rows, columns = np.indices((height, width))
+    return np.stack([columns.ravel(), rows.ravel()], axis=1).astype(float) + 0.5
+
+
+def _weather_on_lens(
+    light: NDArray[np.float32],
+    renderer: Renderer,
+    camera: Camera,
+    sun: NDArray[np.float64],
+    exposure: Exposure,
+    rng: np.random.Generator,
+    lens_seed: int,
+) -> None:
+    """Rain before the lens, drops and dirt on it, drawn over the image (H, W, 3) in place."""
+    scene, axes, shape = renderer.scene, renderer.view.axes, light.shape[:2]
+    condition, velocity = scene.condition, scene.ego.at(renderer.t)[2]
+    if condition.rain_rate > 0:
+        add_streaks(
+            light, camera.cam_K, axes.T @ velocity, -axes[2], rain_rate=condition.rain_rate, shutter=exposure.shutter, rng=rng
+        )  # fmt: skip
+    if condition.rain_rate > 0 or condition.spray:
+        rate = lens.drop_rate(condition, float(np.linalg.norm(velocity)))
+        lens.add_drops(light, lens.drops_at(rate, renderer.t, lens_seed, shape=shape))
+    if condition.dirt > 0:
+        lens.add_dirt(light, lens.dirt_cover(condition.dirt, lens_seed, shape=shape), sun)
 
 
 def _cosine(camera: Camera) -> NDArray[np.float32]:

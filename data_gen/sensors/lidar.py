@@ -4,11 +4,20 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from data_gen.ground import ground_table
+from data_gen.ground import GROUND_NAMES, ground_table
 from data_gen.rig import Lidar
 from data_gen.scene import WORLD, Hits, Scene
+from data_gen.sensors.lidar_power import (
+    Returns,
+    detection_probability,
+    film_loss,
+    range_sigma,
+    rough_cosine,
+    signal_to_noise,
+)
+from data_gen.sensors.lidar_weather import Rays, with_weather
 from fusion_net.geometry import invert, transform
 
 # fmt: off
@@ -31,6 +40,9 @@ RANGE_STEP = 0.002
 RETRO = 0.85
 """Reflectivity from which a surface is retro-reflective sheeting, reported up to 255 where diffuse per cent end at 100."""
 
+SOAKING = np.isin(GROUND_NAMES, ("grass", "dry_grass", "gravel"))
+"""Which grounds hold no film of water."""
+
 
 @dataclass(frozen=True)
 class LidarSweep:
@@ -40,7 +52,7 @@ class LidarSweep:
     intensity: NDArray[np.float32]  # (P,) calibrated reflectivity, whole numbers 0 .. 255
     ring: NDArray[np.uint8]  # (P,)
     time: NDArray[np.float32]  # (P,) seconds relative to the turn's end, <= 0
-    body: NDArray[np.int32]  # (P,) actor index or WORLD
+    body: NDArray[np.int32]  # (P,) actor index, WORLD, or NOTHING for what no surface returned
     aimed: NDArray[np.int64]  # (A,) rays that would meet each actor alone
     reached: NDArray[np.int64]  # (A,) and those that did, before drop-out
 
@@ -66,19 +78,12 @@ def scan_lidar(
     directions = _yawed(in_sensor @ true[:3, :3].T, yaw)
     hits = scene.cast(origins, directions, t_end + dt, lidar.max_range)
 
-    ray = np.flatnonzero(hits.body >= WORLD)
-    distance = hits.distance[ray].astype(float)
-    ground = hits.face[ray] < scene.ground_faces
-    reflectivity = surface_reflectivity(scene, hits, ray, ground)
-    cosine = np.abs(np.einsum("ij,ij->i", hits.normal[ray], directions[ray]))
-    cosine[ground] = rough_cosine(cosine[ground])
-    transmission = np.exp(-2 * scene.condition.extinction * distance)
-    snr = signal_to_noise(reflectivity * cosine * transmission, distance, max_range=lidar.max_range)
-    # The byte is calibrated for range, not for weather; it keeps some of the incidence angle.
-    byte = np.where(reflectivity < RETRO, 100.0, 255.0) * reflectivity * np.sqrt(cosine) * transmission
+    rays = Rays(origins, directions, t_end + dt)
+    hard = surface_returns(scene, hits, rays, max_range=lidar.max_range)
+    heard = with_weather(scene, rays, hard, max_range=lidar.max_range, crosstalk=lidar.crosstalk, rng=rng)
 
-    seen = rng.random(len(ray)) < detection_probability(snr)
-    ray, distance, byte, snr = ray[seen], distance[seen], byte[seen], snr[seen]
+    seen = rng.random(len(heard.ray)) < detection_probability(heard.snr)
+    ray, distance, snr, byte, body = heard.of(seen)
     measured = distance + rng.normal(size=len(ray)) * range_sigma(snr)
     measured = np.round(measured / RANGE_STEP) * RANGE_STEP
     byte = np.clip(np.round(byte * (1 + rng.normal(size=len(ray)) * 0.1 / np.sqrt(snr))), 0, 255)
@@ -90,7 +95,7 @@ def scan_lidar(
         intensity=byte.astype(np.float32),
         ring=RING[beam[ray]],
         time=dt[ray].astype(np.float32),
-        body=hits.body[ray],
+        body=body,
         aimed=hits.aimed,
         reached=hits.reached,
     )
@@ -117,36 +122,24 @@ def _firing_pattern(columns: int, rate: float, cut: float, low: float, high: flo
     return directions, beam, dt[column, beam]
 
 
-def surface_reflectivity(scene: Scene, hits: Hits, ray: NDArray, ground: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Diffuse reflectivity at 905 nm (M,) of what the rays ``ray`` (M,) met; that of ``ground`` comes from its raster."""
+def surface_returns(scene: Scene, hits: Hits, rays: Rays, *, max_range: float) -> Returns:
+    """What the surfaces that were hit send back: P = reflectivity x cos(incidence) x e^(-2 a r) / r^2."""
+    ray = np.flatnonzero(hits.body >= WORLD)
+    distance = hits.distance[ray].astype(float)
+    ground = np.flatnonzero(hits.face[ray] < scene.ground_faces)
     reflectivity = scene.surface.reflectivity[hits.face[ray]].astype(float)
-    reflectivity[ground] = ground_table()[2][scene.ground.at(hits.local[ray[ground]])]
-    return reflectivity
-
-
-def rough_cosine(cosine: NDArray[np.float64]) -> NDArray[np.float64]:
-    """What takes the place of cos(incidence) on the ground: A cos + B sin^2, the law of Oren and Nayar for light that goes
-    back where it came from, with facets of 0.5 rad (variance 0.25). Smooth asphalt would be lost from 14 m on."""
-    a, b = 1 - 0.5 * 0.25 / (0.25 + 0.33), 0.45 * 0.25 / (0.25 + 0.09)
-    return a * cosine + b * (1 - cosine**2)
-
-
-def signal_to_noise(brightness: ArrayLike, distance: ArrayLike, *, max_range: float) -> NDArray[np.float64]:
-    """Received over least detectable power, P / P_min, with P = brightness / r^2 and P_min = 0.9 / max_range^2 (LISA).
-
-    ``brightness`` is reflectivity x cos(incidence) x two-way transmission of a target that fills the beam.
-    """
-    return np.asarray(brightness) * (max_range / np.asarray(distance)) ** 2 / 0.9
-
-
-def detection_probability(snr: ArrayLike) -> NDArray[np.float64]:
-    """1 / (1 + exp(-1.5 SNR_dB)): one half at P_min, 18 % at 1 dB less; 1 % of all returns are lost whatever their power."""
-    return 0.99 / (1 + np.maximum(snr, 1e-9) ** (-15 / np.log(10)))
-
-
-def range_sigma(snr: ArrayLike) -> NDArray[np.float64]:
-    """Standard deviation of range in metres: 0.09 / sqrt(2 SNR) (LISA) over a floor of 1 cm."""
-    return 0.09 / np.sqrt(2 * np.asarray(snr)) + 0.01
+    cosine = np.abs(np.einsum("ij,ij->i", hits.normal[ray], rays.directions[ray]))
+    material = scene.ground.at(hits.local[ray[ground]])
+    reflectivity[ground] = ground_table()[2][material]
+    if scene.condition.water_film > 0:
+        wet = ground[~SOAKING[material]]
+        reflectivity[wet] *= film_loss(cosine[wet], scene.condition.water_film)
+    cosine[ground] = rough_cosine(cosine[ground])
+    transmission = np.exp(-2 * scene.condition.extinction * distance)
+    snr = signal_to_noise(reflectivity * cosine * transmission, distance, max_range=max_range)
+    # The byte is calibrated for range, not for weather; it keeps some of the incidence angle.
+    byte = np.where(reflectivity < RETRO, 100.0, 255.0) * reflectivity * np.sqrt(cosine) * transmission
+    return Returns(ray, distance, snr, byte, hits.body[ray])
 
 
 def _yawed(v: NDArray, yaw: NDArray) -> NDArray[np.float64]:

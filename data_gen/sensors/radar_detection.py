@@ -20,8 +20,16 @@ SNR_REF_DB, RCS_REF_DB = 21.1, 10.0
 """A 10 dBsm Swerling-1 target at max_range on the boresight is detected with probability 0.9: SNR = ln Pfa / ln Pd - 1."""
 EDGE_DB = 6.0
 """Two-way loss of the antenna at the edge of its field of view."""
+SEPARABLE = 1.5
+"""Resolution cells that two echoes must be apart, in range, azimuth or Doppler, to be two detections (ARS408: 1.5 to 2)."""
 NOISE_FLOOR = np.array([0.05, 0.30, 0.05])
 """Least standard deviation of range, azimuth and Doppler as a share of the resolution cell, however strong the echo."""
+WET_RADOME_DB = 1.09
+"""Two-way loss in the film of water on the radome at 1 mm/h. A laminar film thickens with the cube root of the rain rate
+(Gibble): 1.9 dB at 5, 4 dB at 50 mm/h."""
+DIRECT, UNDERBODY, SINGLE_BOUNCE, DOUBLE_BOUNCE, CLUTTER, RAIN, SPRAY = range(7)
+"""What causes an echo: a body in sight; one reached below a vehicle; a body's mirror image by a path that bounces once or
+twice; nothing; drops; spray."""
 
 
 @dataclass(frozen=True)
@@ -33,10 +41,17 @@ class Echoes:
     doppler: Array  # (E,) d(range)/dt in m/s
     snr: Array  # (E,) power over noise, linear: the mean of a reflection, the measured one of a detection
     body: NDArray[np.int32]  # (E,)
+    cause: NDArray[np.uint8]  # (E,) DIRECT .. SPRAY
 
     def __getitem__(self, index) -> "Echoes":
         """The echoes at an index array or mask."""
         return Echoes(*(column[index] for column in vars(self).values()))
+
+    def strongest(self, count: int) -> "Echoes":
+        """The ``count`` with the most power, in the order they are in."""
+        if len(self.snr) <= count:
+            return self
+        return self[np.sort(np.argsort(-self.snr, kind="stable")[:count])]
 
     @staticmethod
     def concatenate(parts: Sequence["Echoes"]) -> "Echoes":
@@ -45,12 +60,14 @@ class Echoes:
 
 
 def link_budget_db(distance: ArrayLike, azimuth: ArrayLike, radar: Radar, rain_rate: float = 0.0) -> Array:
-    """Mean SNR in dB of a 0 dBsm reflector at ``distance`` m and ``azimuth`` rad: R^-4, antenna pattern and rain."""
+    """Mean SNR in dB of a 0 dBsm reflector at ``distance`` m and ``azimuth`` rad: R^-4, antenna pattern, rain in
+    the air and on the radome."""
     distance = np.asarray(distance, float)
     rain_db_per_km = 0.94 * rain_rate**0.776  # ITU-R P.838 at 77 GHz
     pattern = EDGE_DB * (np.degrees(azimuth) / radar.fov_deg) ** 2
     spreading = 40 * np.log10(distance / radar.max_range)
-    return SNR_REF_DB - RCS_REF_DB - spreading - pattern - 2 * rain_db_per_km * distance / 1000
+    wet = 2 * rain_db_per_km * distance / 1000 + WET_RADOME_DB * rain_rate ** (1 / 3)
+    return SNR_REF_DB - RCS_REF_DB - spreading - pattern - wet
 
 
 def detect(echoes: Echoes, radar: Radar, rng: np.random.Generator) -> Echoes:
@@ -82,17 +99,17 @@ def detect(echoes: Echoes, radar: Radar, rng: np.random.Generator) -> Echoes:
         (echoes.doppler[peak] + total(share * offset))[found],
     )
     snr = power[found] - 1
-    return _measure(Echoes(*center, snr, echoes.body[peak[found]]), radar, rng)
+    return _measure(Echoes(*center, snr, echoes.body[peak[found]], echoes.cause[peak[found]]), radar, rng)
 
 
 def _resolution_cells(echoes: Echoes, radar: Radar) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Indices of the peaks (C,) and the cell (E,) of each echo; the echoes come strongest first.
 
-    An echo within one resolution in range, azimuth and Doppler of a stronger one climbs to it, and on to the peak. The
+    An echo that is not ``SEPARABLE`` in range, azimuth or Doppler from a stronger one climbs to it, and on to the peak. The
     array resolves evenly in sin(azimuth), so that its cells widen towards the sides.
     """
     doppler = wrap_angle(echoes.doppler, 2 * radar.max_doppler)
-    position = np.stack([echoes.range, np.sin(echoes.azimuth), doppler], axis=1) / _resolution(radar)
+    position = np.stack([echoes.range, np.sin(echoes.azimuth), doppler], axis=1) / (SEPARABLE * _resolution(radar))
     return _climb(position)
 
 
@@ -127,6 +144,7 @@ def _measure(exact: Echoes, radar: Radar, rng: np.random.Generator) -> Echoes:
         doppler=wrap_angle(exact.doppler + noise[2], 2 * radar.max_doppler),
         snr=exact.snr,
         body=exact.body,
+        cause=exact.cause,
     )
 
 

@@ -8,29 +8,79 @@ import numpy as np
 
 from data_gen.jit import jit
 from data_gen.mesh import TEXTURES
-from data_gen.sensors.noise import band, lattice, octave2, octave3
+from data_gen.sensors.facades import facade
+from data_gen.sensors.ground_color import ground_color
+from data_gen.sensors.noise import band, lattice, octave2, octave3, ramp
 
-_PLAIN, _ASPHALT, _GRASS, _CONCRETE, _BRICK, _FACADE, _FOLIAGE, _HOARDING, _METAL, _FABRIC, _WOOD = range(len(TEXTURES))
+(_PLAIN, _ASPHALT, _GRASS, _CONCRETE, _BRICK, _FACADE, _FOLIAGE, _HOARDING, _METAL, _FABRIC, _WOOD, _SLABS, _PAINT,
+ _GRAVEL, _LACQUER, _TILES) = range(len(TEXTURES))  # fmt: skip
 
 
 @jit
-def _facade(u, v, footprint, rgb, out, night):
-    """Storeys 3.2 m high with windows every 2.8 m: glass reflects, some rooms are lit at night."""
-    ground_floor = v < 3.6
-    inside = band(u, 2.8, 0.6, 1.6, footprint) * band(v, 3.2, 1.0, 1.6, footprint)
-    column, storey = int(np.floor(u / 2.8)), int(np.floor(v / 3.2))
-    pick = lattice(column, storey, 71)
-    frame = band(u, 2.8, 0.5, 1.8, footprint) * band(v, 3.2, 0.85, 1.85, footprint) - inside
-    ledge = band(v, 3.2, 0.0, 0.18, footprint)
-    wear = 1 + 0.10 * octave2(u, v, 2.5, footprint, 72) + 0.06 * octave2(u, v, 0.4, footprint, 73)
-    wear *= 1 - 0.25 * ledge - (0.12 if ground_floor else 0.0)
-    glass = 0.03 + 0.20 * (pick > 0.72)  # a drawn blind is bright
-    for c in range(3):
-        out[c] = rgb[c] * wear * (1 - inside) + glass * inside + 0.25 * frame * (0.5 - rgb[c])
-    out[3] = max(out[3], 0.45 * inside * (pick <= 0.72))
-    if night and lattice(column, storey, 74) < 0.3:
-        out[4] = max(out[4], 0.02 * inside)
-        out[0], out[1], out[2] = out[0] + 0.5 * inside, out[1] + 0.36 * inside, out[2] + 0.18 * inside
+def _mix(out, share, r, g, b):
+    out[0] += share * (r - out[0])
+    out[1] += share * (g - out[1])
+    out[2] += share * (b - out[2])
+
+
+@jit
+def _asphalt(x, y, footprint):
+    """Blotches, grain of the stones, and cracks where the road is old. Returns the gain."""
+    gain = 1 + 0.09 * octave2(x, y, 5.0, footprint, 11) + 0.07 * octave2(x, y, 0.9, footprint, 12)
+    gain += 0.13 * octave2(x, y, 0.06, footprint, 13) + 0.15 * octave2(x, y, 0.021, footprint, 15)
+    visible = 1 - footprint / 0.10
+    if visible > 0:
+        age = ramp(0.1, 0.5, octave2(x, y, 11.0, footprint, 16))
+        if age > 0:
+            seam = abs(octave2(x, y, 2.3, footprint, 14) + 0.12 * octave2(x, y, 0.3, footprint, 17))
+            gain -= 0.5 * age * visible * max(0.0, 1 - seam / 0.016)
+    return gain
+
+
+@jit
+def _grass(x, y, footprint, out):
+    """Tufts and blades, dry and lush stretches, bare soil where it is thinnest, a flower here and there."""
+    tone = 0.6 * octave2(x, y, 9.0, footprint, 21) + 0.5 * octave2(x, y, 1.4, footprint, 22)
+    tuft = octave2(x, y, 0.30, footprint, 23)
+    blade = octave2(x, 0.4 * y, 0.045, footprint, 24)
+    gain = 1 + 0.25 * tone + 0.34 * tuft + 0.34 * blade
+    out[0] *= 1 + 0.45 * tone
+    out[2] *= 1 - 0.20 * tone
+    _mix(out, 0.7 * ramp(0.45, 0.8, -tone + 0.3 * tuft), 0.17, 0.12, 0.07)
+    if footprint < 0.08 and lattice(int(np.floor(x / 0.12)), int(np.floor(y / 0.12)), 25) < 0.004 * (1 + tone):
+        _mix(out, 1 - footprint / 0.08, 0.62, 0.58, 0.30 * tone + 0.25)
+    return gain
+
+
+@jit
+def _slabs(u, v, footprint):
+    """Paving slabs of half a metre, laid in bond, no two quite alike."""
+    row = int(np.floor(v / 0.5))
+    shifted = u + 0.25 * (row % 2)
+    joint = max(band(shifted, 0.5, 0.0, 0.014, footprint), band(v, 0.5, 0.0, 0.014, footprint))
+    tint = lattice(int(np.floor(shifted / 0.5)), row, 33) - 0.5
+    gain = 1 + 0.22 * tint * max(0.0, 1 - footprint / 0.5) - 0.55 * joint
+    return gain + 0.10 * octave2(u, v, 2.1, footprint, 34) + 0.09 * octave2(u, v, 0.04, footprint, 35)
+
+
+@jit
+def _brick(u, v, footprint, out):
+    row = int(np.floor(v / 0.09))
+    shifted = u + 0.13 * (row % 2)
+    mortar = 1 - band(shifted, 0.26, 0.0, 0.245, footprint) * band(v, 0.09, 0.0, 0.078, footprint)
+    tint = lattice(int(np.floor(shifted / 0.26)), row, 41) - 0.5
+    _mix(out, mortar, 0.42, 0.42, 0.42)
+    return 1 + 0.5 * tint * max(0.0, 1 - footprint / 0.25) + 0.10 * octave2(u, v, 2.0, footprint, 42)
+
+
+@jit
+def _foliage(x, y, z, footprint, out):
+    """Light and dark leaves, and gaps that look into the dark of the crown."""
+    clump = octave3(x, y, z, 0.9, footprint, 51)
+    leaf = octave3(x, y, z, 0.13, footprint, 53)
+    gap = ramp(0.30, 0.55, octave3(x, y, z, 0.27, footprint, 52))
+    out[0] *= 1 + 0.30 * clump
+    return (1 + 0.30 * clump + 0.45 * leaf) * (1 - 0.7 * gap)
 
 
 @jit
@@ -48,39 +98,54 @@ def _hoarding(u, v, footprint, rgb, out):
 
 
 @jit
+def _lacquer(x, y, z, footprint, rgb, out):
+    """Car paint: road dirt from the sills up, more on some colours than on others; it takes the gloss too."""
+    dirty = lattice(int(rgb[0] * 16381), int(rgb[1] * 16381), 94)
+    reach = 0.5 + 0.9 * dirty * dirty
+    dirt = ramp(reach, 0.1, z) * (0.6 + 0.4 * octave3(x, y, z, 0.45, footprint, 95)) + 0.16 * dirty * dirty
+    dirt = min(max(dirt, 0.0), 0.8)
+    _mix(out, dirt, 0.14, 0.12, 0.095)
+    out[3] *= 1 - 0.9 * dirt
+
+
+@jit
+def _worn_paint(x, y, footprint, out):
+    """Lane paint that has chipped where wheels cross it."""
+    wear = 0.35 * octave2(x, y, 6.0, footprint, 96)
+    chip = octave2(x, y, 0.05, footprint, 97) + 0.6 * octave2(x, y, 0.22, footprint, 98)
+    _mix(out, 0.8 * ramp(0.45, 0.75, chip + wear), 0.13, 0.13, 0.135)
+    return 1 + 0.5 * min(wear, 0.0) + 0.05 * chip
+
+
+@jit
 def texture(kind, x, y, z, u, v, footprint, rgb, out, night):
     """Modulate a surface in place. (x, y, z) local metres, (u, v) metres along the surface, ``rgb`` its mean colour;
     ``out`` holds r, g, b, specular, emission."""
     gain = 1.0
     if kind == _ASPHALT:
-        gain += 0.09 * octave2(x, y, 5.0, footprint, 11) + 0.07 * octave2(x, y, 0.9, footprint, 12)
-        gain += 0.16 * octave2(x, y, 0.06, footprint, 13)
-        seam = abs(octave2(x, y, 3.1, footprint, 14))
-        gain -= 0.30 * max(0.0, 1 - seam / 0.02) * max(0.0, 1 - footprint / 0.12)
+        gain = _asphalt(x, y, footprint)
     elif kind == _GRASS:
-        tone = 0.5 * octave2(x, y, 7.0, footprint, 21) + 0.5 * octave2(x, y, 1.3, footprint, 22)
-        gain += 0.22 * tone + 0.28 * octave2(x, y, 0.22, footprint, 23) + 0.30 * octave2(x, y, 0.05, footprint, 24)
-        out[0] *= 1 + 0.35 * tone
-        out[2] *= 1 - 0.20 * tone
+        gain = _grass(x, y, footprint, out)
     elif kind == _CONCRETE:
         joint = max(band(u, 3.0, 0.0, 0.03, footprint), band(v, 3.0, 0.0, 0.03, footprint))
         gain += 0.09 * octave3(x, y, z, 1.7, footprint, 31) + 0.08 * octave3(x, y, z, 0.12, footprint, 32) - 0.4 * joint
+    elif kind == _SLABS:
+        gain = _slabs(u, v, footprint)
+    elif kind == _PAINT:
+        gain = _worn_paint(x, y, footprint, out)
+    elif kind == _GRAVEL:
+        gain += 0.16 * octave2(x, y, 0.7, footprint, 36) + 0.35 * octave2(x, y, 0.05, footprint, 37)
+    elif kind == _LACQUER:
+        _lacquer(x, y, z, footprint, rgb, out)
     elif kind == _BRICK:
-        row = int(np.floor(v / 0.09))
-        shifted = u + 0.13 * (row % 2)
-        mortar = 1 - band(shifted, 0.26, 0.0, 0.245, footprint) * band(v, 0.09, 0.0, 0.078, footprint)
-        tint = lattice(int(np.floor(shifted / 0.26)), row, 41) - 0.5
-        gain += 0.5 * tint * max(0.0, 1 - footprint / 0.25) + 0.10 * octave2(u, v, 2.0, footprint, 42)
-        for c in range(3):
-            out[c] += mortar * (0.42 - out[c])
+        gain = _brick(u, v, footprint, out)
+    elif kind == _TILES:
+        row = band(v, 0.34, 0.0, 0.09, footprint)
+        gain += 0.12 * octave2(u, v, 0.9, footprint, 43) + 0.14 * octave2(u, v, 0.25, footprint, 44) - 0.4 * row
     elif kind == _FACADE:
-        _facade(u, v, footprint, rgb, out, night)
+        facade(u, v, footprint, rgb, out, night)
     elif kind == _FOLIAGE:
-        clump = octave3(x, y, z, 0.9, footprint, 51)
-        gain += (
-            0.38 * clump + 0.40 * octave3(x, y, z, 0.30, footprint, 52) + 0.35 * octave3(x, y, z, 0.10, footprint, 53)
-        )
-        out[0] *= 1 + 0.25 * clump
+        gain = _foliage(x, y, z, footprint, out)
     elif kind == _HOARDING:
         _hoarding(u, v, footprint, rgb, out)
     elif kind == _METAL:
@@ -94,49 +159,19 @@ def texture(kind, x, y, z, u, v, footprint, rgb, out, night):
 
 
 @jit
-def _ground(p, n, o, step_u, step_v, r, span, footprint, slant, raster, origin, resolution, table, out):
-    """Mean albedo of the ground raster over the part of the plane (p, n) that one pixel sees, written to ``out``. The pixel
-    is cut into sub-rays by how much ground it covers."""
-    count_v = int(min(max(np.ceil(footprint * slant / 0.3), 2.0), 8.0))
-    count_u = int(min(max(np.ceil(footprint / 0.12), 2.0), 4.0))
-    gap = n[0] * (p[0] - o[0]) + n[1] * (p[1] - o[1]) + n[2] * (p[2] - o[2])
-    rows, columns = raster.shape
-    used = 0
-    out[0] = out[1] = out[2] = 0.0
-    for a in range(count_v):
-        for b in range(count_u):
-            dv = span * ((a + (b + 0.5) / count_u) / count_v - 0.5)  # sheared: no two sub-rays share a row or a column
-            du = span * ((b + (a + 0.5) / count_v) / count_u - 0.5)
-            rx = r[0] + du * step_u[0] + dv * step_v[0]
-            ry = r[1] + du * step_u[1] + dv * step_v[1]
-            facing = n[0] * rx + n[1] * ry + n[2] * (r[2] + du * step_u[2] + dv * step_v[2])
-            if facing * gap <= 0 or gap > 600.0 * facing > 0 or gap < 600.0 * facing < 0:
-                continue
-            s = gap / facing
-            column = int(np.floor((o[0] + s * rx - origin[0]) / resolution))
-            row = int(np.floor((o[1] + s * ry - origin[1]) / resolution))
-            inside = 0 <= row < rows and 0 <= column < columns
-            material = raster[row, column] if inside else 0
-            for c in range(3):
-                out[c] += table[material, c]
-            used += 1
-    for c in range(3):
-        out[c] /= max(used, 1)
-
-
-@jit
 def paint(view, rays, pixel, span, hit, surface, ground, yaw, night):
     """Colour of every hit.
 
     ``view`` (4, 3): origin, forward, and the global change of a depth-one ray per pixel to the right and down. ``rays``
     (N, 3) unit. ``pixel`` rad a pixel, ``span`` the part of a pixel that a ray stands for. ``hit``: body, face, distance,
     local, normal. ``surface``: albedo, texture, specular, emission of all faces. ``ground``: first face that is none,
-    raster, origin, resolution, albedo table, texture table. ``yaw`` (A,) of the bodies.
+    rasters of material, cover and tone, origin, resolution, albedo table, texture table. ``yaw`` (A,) of the bodies.
     Returns (N, 5): linear r, g, b, specular share, emission.
     """
     body, face, distance, local, normal = hit
     albedo, kinds, specular, emission = surface
-    ground_faces, raster, origin, resolution, table, ground_kinds = ground
+    ground_faces, raster, cover, tone, origin, resolution, table, ground_kinds = ground
+    rasters = (raster, cover, tone, origin, resolution, table)
     out = np.zeros((len(rays), 5), np.float32)
     rgb = np.zeros(3, np.float32)
     for i in range(len(rays)):
@@ -148,11 +183,11 @@ def paint(view, rays, pixel, span, hit, surface, ground, yaw, night):
         footprint = pixel * span * np.float64(distance[i])
         x, y, z = np.float64(p[0]), np.float64(p[1]), np.float64(p[2])  # one type: the noise compiles once
         nx, ny = np.float64(n[0]), np.float64(n[1])
-        kind = kinds[f]
-        if body[i] == -1 and f < ground_faces:
+        kind, level = kinds[f], abs(n[2]) > 0.7
+        if body[i] == -1 and f < ground_faces and level:  # the front of a kerb has a colour of its own
             depth = rays[i, 0] * view[1, 0] + rays[i, 1] * view[1, 1] + rays[i, 2] * view[1, 2]
             ray = rays[i] / depth
-            _ground(p, n, view[0], view[2], view[3], ray, span, footprint, slant, raster, origin, resolution, table, o)
+            ground_color(p, n, view[0], view[2], view[3], ray, span, footprint, slant, rasters, o)
             row, column = int((y - origin[1]) / resolution), int((x - origin[0]) / resolution)
             if 0 <= row < raster.shape[0] and 0 <= column < raster.shape[1]:
                 kind = ground_kinds[raster[row, column]]
@@ -165,7 +200,6 @@ def paint(view, rays, pixel, span, hit, surface, ground, yaw, night):
             if body[i] >= 0:
                 cos, sin = np.cos(yaw[body[i]]), np.sin(yaw[body[i]])
                 nx, ny = cos * nx + sin * ny, cos * ny - sin * nx
-        level = abs(n[2]) > 0.7
         across = max(np.hypot(nx, ny), 1e-6)
         u = x if level else (nx * y - ny * x) / across
         v = y if level else z

@@ -13,19 +13,21 @@ from torch.utils.data import DataLoader, Dataset, Sampler
 
 from fusion_net.bev_grid import BEVGrid
 from fusion_net.data.augment import Augment
-from fusion_net.data.nuscenes import NuScenes, split_of
+from fusion_net.data.faults import FaultPlan
 from fusion_net.data.samples import Sample, SampleReader, labelled_boxes
 from fusion_net.data.targets import center_targets
+from fusion_net.data.trees import open_trees, refuse_unlike_images, split_of
 from fusion_net.structures import Batch
 
 
 @beartype
 class NuScenesDataset(Dataset):
-    """The samples of a split of one nuScenes tree, or of several read as one.
+    """The samples of a split of one nuScenes tree, or of several read as one: ``root`` is a tree, a folder of shards or a
+    list of these.
 
     ``grid``: the cells of the targets; boxes off it are left out. ``cache`` keeps what was decoded (not what was
-    augmented) in memory. Further arguments are those of :class:`SampleReader`. An index is a sample's place or
-    (epoch, place): augmentation follows from (seed, epoch, place) alone.
+    augmented) in memory. Further arguments are those of :class:`SampleReader`, whose faults draw from ``seed``. An index is a
+    sample's place or (epoch, place): augmentation follows from (seed, epoch, place) alone.
     """
 
     def __init__(
@@ -41,9 +43,12 @@ class NuScenesDataset(Dataset):
         **reader,
     ) -> None:
         self.grid, self.augment, self.min_radius, self.cache, self.seed = grid, augment, min_radius, cache, seed
-        self.reader = SampleReader(**reader)
-        self.trees = [NuScenes(folder) for folder in ([root] if isinstance(root, str) else root)]
+        self.reader = SampleReader(**reader, fault_seed=seed)
+        self.trees = open_trees(root)
         self.index = split_of(self.trees, split)
+        refuse_unlike_images(self.reader, self.index)
+        for tree in self.trees:
+            FaultPlan(self.reader.faults).check(tree.modalities)
         self._decoded: dict[int, Sample] = {}
 
     def __len__(self) -> int:
@@ -62,8 +67,8 @@ class NuScenesDataset(Dataset):
 
     @property
     def fingerprint(self) -> list[str]:
-        """Of each tree, the hash of the settings that it was generated with."""
-        return [tree.fingerprint for tree in self.trees]
+        """Of each data set, whole or in shards, the hash of the settings that it was generated with."""
+        return list(dict.fromkeys(tree.fingerprint for tree in self.trees))
 
     def has_labels(self) -> bool:
         """Whether any sample has a labelled object on the grid."""

@@ -54,11 +54,10 @@ class NuScenes:
                 self.keyframes[record["sample_token"]][self.channel(record)] = record
         self._poses, self._mounts = _transforms(self.tables["ego_pose"]), _transforms(self.tables["calibrated_sensor"])
 
-    @property
+    @cached_property
     def fingerprint(self) -> str:
         """Hash of the settings that the tree was generated with; "" for a real one."""
-        manifest = self.root / "manifest.json"
-        return _load_json(manifest).get("hash", "") if manifest.exists() else ""
+        return _manifest(self.root).get("hash", "")
 
     def get(self, table: str, token: str) -> Record:
         """One record by token."""
@@ -74,6 +73,11 @@ class NuScenes:
     def channels(self, modality: str) -> list[str]:
         """Channels of a modality, in the order of the sensor table."""
         return [sensor["channel"] for sensor in self.tables["sensor"].values() if sensor["modality"] == modality]
+
+    @cached_property
+    def modalities(self) -> dict[str, str]:
+        """The modality of every channel."""
+        return {sensor["channel"]: sensor["modality"] for sensor in self.tables["sensor"].values()}
 
     def path(self, record: Record) -> Path:
         """File of a sample_data record."""
@@ -94,6 +98,10 @@ class NuScenes:
         for frames in self.keyframes.values():
             if channel in frames:
                 return frames[channel]
+        for mount in self.tables["calibrated_sensor"].values():
+            is_dead = self._channel_of[mount["token"]] == channel  # in every scene of a generated tree
+            if is_dead and "height" in mount:
+                return {"calibrated_sensor_token": mount["token"], "height": mount["height"], "width": mount["width"]}
         present = sorted({channel for frames in self.keyframes.values() for channel in frames})
         raise ValueError(f"{self.root} has no keyframe of {channel}; it has {', '.join(present)}")
 
@@ -148,6 +156,15 @@ class NuScenes:
             token = self.get("sample", token)["next"]
         return tokens
 
+    @cached_property
+    def readings_of(self) -> dict[str, list[Record]]:
+        """The sample_data records of each scene."""
+        found: dict[str, list[Record]] = {token: [] for token in self.tables["scene"]}
+        for record in self.tables["sample_data"].values():
+            if sample := self.tables["sample"].get(record["sample_token"]):
+                found[sample["scene_token"]].append(record)
+        return found
+
     def scene(self, sample_token: str) -> Record:
         """The scene of a sample."""
         return self.get("scene", self.get("sample", sample_token)["scene_token"])
@@ -161,25 +178,14 @@ class NuScenes:
         return AnnotationTable(self)
 
 
-def split_of(trees: Sequence[NuScenes], name: str) -> list[tuple[NuScenes, str]]:
-    """Samples of a split over several trees read as one data set. A tree without the split (a small shard) adds none,
-    unless all lack it."""
-    having = [tree for tree in trees if tree.split_name(name) is not None] or trees
-    samples = [(tree, token) for tree in having for token in tree.split(name)]
-    if not samples:
-        raise ValueError(f"the split {name!r} of {', '.join(str(tree.root) for tree in trees)} has no samples")
-    if len({token for _, token in samples}) < len(samples):
-        raise ValueError(f"some of {', '.join(str(tree.root) for tree in trees)} hold the same samples")
-    return samples
-
-
 def _version_folder(root: Path) -> Path:
     """The one folder ``v1.0-*`` of a tree that is whole."""
-    if not root.is_dir():
+    if not root.is_dir() or not any(root.iterdir()):
         raise ValueError(f"no data in {root}; make some: python -m data_gen data=nano data.root={root}")
-    manifest = root / "manifest.json"  # only generated trees have one
-    if manifest.exists() and not _load_json(manifest).get("complete", True):
-        raise ValueError(f"{root} is half generated; give the command that made it again, it goes on where it stopped")
+    manifest = _manifest(root)
+    if not manifest.get("complete", True):
+        command = manifest.get("command") or "give the command that made it again"
+        raise ValueError(f"{root} is half generated; this goes on where it stopped: {command}")
     found = sorted(path for path in root.glob("v1.0-*") if path.is_dir())
     if len(found) != 1:
         names = ", ".join(path.name for path in found) or "none"
@@ -188,6 +194,15 @@ def _version_folder(root: Path) -> Path:
     if missing:
         raise ValueError(f"{found[0]} lacks {', '.join(f'{name}.json' for name in missing)}: generate it again")
     return found[0]
+
+
+def _manifest(root: Path) -> dict[str, Any]:
+    """What a generated tree says of itself; {} for a real one."""
+    path = root / "manifest.json"
+    manifest = _load_json(path) if path.exists() else {}
+    if not isinstance(manifest, dict):
+        raise ValueError(f"{path} is no manifest of generated data; generate it again")
+    return manifest
 
 
 def _transforms(table: dict[str, Record]) -> dict[str, NDArray[np.float64]]:

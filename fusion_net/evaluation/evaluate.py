@@ -22,14 +22,22 @@ from fusion_net.viz.picture_sheet import picture_sheet
 
 
 def load_run(
-    folder: Path, *, checkpoint: str = "best", split: str = "val", root: str | None = None
+    folder: Path,
+    *,
+    checkpoint: str = "best",
+    split: str = "val",
+    root: str | None = None,
+    fault: DictConfig | None = None,
 ) -> tuple[FusionNet, NuScenesDataset, DictConfig]:
-    """A trained model in evaluation mode, the samples of a split, and the settings it was trained with."""
+    """A trained model in evaluation mode, the samples of a split, spoiled by ``fault``, and the settings it was trained
+    with."""
     cfg = load_config(folder)
     if root is not None:
         cfg.data.root = root
     reader = cfg.reader.val
     reader.root, reader.split, reader.cache = cfg.data.root, split, False
+    if fault is not None:
+        reader.faults = fault
     model = build(cfg.model, "model")
     load_weights(model, folder / "checkpoints" / f"{checkpoint}.ckpt")
     dataset = build(reader, "reader")
@@ -41,7 +49,9 @@ def load_run(
 def evaluate_run(cfg: DictConfig) -> None:
     """What ``eval.py`` does: prints the drop table and writes everything under RUN/eval."""
     folder = Path(cfg.run)
-    model, dataset, trained = load_run(folder, checkpoint=cfg.checkpoint, split=cfg.split, root=cfg.data.root)
+    model, dataset, trained = load_run(
+        folder, checkpoint=cfg.checkpoint, split=cfg.split, root=cfg.data.root, fault=cfg.fault
+    )
     if not len(dataset):
         raise ValueError(
             f"split={cfg.split} of {dataset.trees[0].root} has no samples; pass another split or data.root"
@@ -64,6 +74,9 @@ def evaluate_run(cfg: DictConfig) -> None:
     if audit:
         doc["decoys"] = audit
     target = folder / "eval"
+    if dataset.reader.faults:
+        doc["fault"] = {"name": cfg.fault.name, "severity": cfg.fault.severity}
+        target /= f"{cfg.fault.name}_{cfg.fault.severity}"
     write_drop_table(target, doc)
     decoys.write(target, audit)
     (target / "env.json").write_text(json.dumps(surroundings, indent=1) + "\n")

@@ -2,6 +2,7 @@
 
 import csv
 import math
+import multiprocessing
 import sys
 import time
 from pathlib import Path
@@ -79,7 +80,7 @@ class TerminalProgress(pl.Callback):
 
     def on_train_start(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
         """Opens the bar."""
-        if sys.stderr.isatty():
+        if sys.stderr.isatty() and multiprocessing.parent_process() is None:  # not beside another job of a sweep
             self._bar = tqdm(total=self.total, initial=trainer.global_step, unit="step", ascii=True)
         self._seen, self._since = trainer.global_step, time.perf_counter()
 

@@ -14,7 +14,7 @@ from omegaconf import DictConfig
 from fusion_net.cli import build
 from fusion_net.data.datamodule import EpochSampler, NuScenesDataset, make_loader
 from fusion_net.evaluation.scoring import ground_truth
-from fusion_net.run_dir import open_run, resume_step
+from fusion_net.run_dir import mark_finished, open_run, resume_step
 from fusion_net.training.callbacks import MetricsCSV, PlanCallback, TerminalProgress
 from fusion_net.training.module import DetectorModule
 from fusion_net.training.plan import TrainingPlan
@@ -80,6 +80,7 @@ def fit(cfg: DictConfig) -> Path:
         if best.best_model_score is None or trainer.callback_metrics["val/mAP"] >= best.best_model_score:
             trainer.save_checkpoint(folder / "checkpoints" / "best.ckpt")
     trainer.save_checkpoint(last)
+    mark_finished(folder)
     return folder
 
 

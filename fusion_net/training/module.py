@@ -10,6 +10,7 @@ from fusion_net.models.camera_encoder import CameraEncoder
 from fusion_net.models.fusion_net import FusionNet
 from fusion_net.structures import MODALITIES, Batch
 from fusion_net.training.modality_dropout import draw_present
+from fusion_net.training.optimizer import make_optimizer
 from fusion_net.training.plan import Stage
 
 
@@ -100,8 +101,6 @@ class DetectorModule(pl.LightningModule):
             print(f"step {self.global_step}: val mAP {metrics.mAP:.3f} NDS {metrics.NDS:.3f}", flush=True)
 
     def configure_optimizers(self) -> torch.optim.Optimizer:
-        """AdamW; norms and biases do not decay. The plan sets the rate of each step."""
-        decayed = [p for p in self.model.parameters() if p.ndim > 1]
-        plain = [p for p in self.model.parameters() if p.ndim <= 1]
-        groups = [{"params": decayed, "weight_decay": self.weight_decay}, {"params": plain, "weight_decay": 0.0}]
-        return torch.optim.AdamW(groups, lr=self.max_lr)
+        """Muon and AdamW under one rate, which the plan sets at each step."""
+        outputs = (self.model.head.heatmap[-1], self.model.head.box[-1])
+        return make_optimizer(self.model, outputs=outputs, lr=self.max_lr, weight_decay=self.weight_decay)

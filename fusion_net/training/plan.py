@@ -28,7 +28,7 @@ class TrainingPlan:
     max_lr: float
     warmup: float = 0.15
     max_minutes: float | int | None = None
-    time_shares: dict[str, float] = field(default_factory=lambda: {"camera": 0.35, "alone": 0.15, "fusion": 0.5})
+    time_shares: dict[str, float] = field(default_factory=lambda: {"camera": 0.18, "alone": 0.05, "fusion": 0.77})
     began: list[list[float]] = field(default_factory=lambda: [[0.0, 0.0]])  # (step, seconds) of each stage begun so far
 
     def __post_init__(self) -> None:

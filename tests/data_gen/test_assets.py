@@ -174,6 +174,25 @@ def test_a_walking_person_has_two_legs_and_a_head():
     assert runs(0.94)[1] < 0.35
 
 
+def test_who_walks_moves_legs_and_arms_within_the_box():
+    for variant, name in enumerate(VARIANT_NAMES["pedestrian"]):
+        asset = build_asset("pedestrian", variant)
+        assert bool(asset.gait) == ("walking" in name)
+        for phase in asset.gait:
+            assert len(phase.faces) == len(asset.mesh.faces)
+            np.testing.assert_array_equal(phase.faces, asset.mesh.faces)
+            assert (np.abs(phase.vertices[:, :2]) <= np.array(asset.size[:2]) / 2 + 0.02).all()
+            assert phase.vertices[:, 2].min() == pytest.approx(0.0, abs=1e-3)
+            assert phase.vertices[:, 2].max() == pytest.approx(asset.size[2], abs=1e-3)
+    walker = build_asset("pedestrian", VARIANT_NAMES["pedestrian"].index("man walking"))
+    np.testing.assert_allclose(walker.gait[0].vertices, walker.mesh.vertices, atol=1e-3)
+    half = len(walker.gait) // 2  # half a stride later left and right have changed places
+    ahead = [phase.vertices[phase.vertices[:, 2] < 0.25] for phase in (walker.gait[0], walker.gait[half])]
+    leading = [np.sign(feet[feet[:, 0].argmax(), 1]) for feet in ahead]
+    assert leading[0] == -leading[1] != 0
+    assert giant(walker).gait == ()
+
+
 def test_reflectivity_follows_material():
     surface = build_asset("car", 0, 0).mesh.surface
     dark_tyre = surface.reflectivity[surface.albedo.max(axis=1) < 0.02]

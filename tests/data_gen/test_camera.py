@@ -192,14 +192,14 @@ def test_mount_override_moves_the_picture(street):
 @pytest.mark.parametrize("lux", [400.0, 8_000.0, 60_000.0])
 def test_exposure_puts_the_log_average_at_the_key(lux):
     luminance = np.full((20, 30, 3), 0.2 * lux / math.pi, np.float32)
-    exposure, iso = auto_exposure(luminance)
+    exposure, iso, _ = auto_exposure(luminance)
     assert exposure * luminance[0, 0, 0] == pytest.approx(0.18, rel=1e-3)
     assert iso == 100.0 or lux < 1_000
 
 
 def test_gain_runs_out_in_the_dark():
     dim = np.full((20, 30, 3), 0.01, np.float32)
-    exposure, iso = auto_exposure(dim)
+    exposure, iso, _ = auto_exposure(dim)
     assert iso == 1600.0
     assert exposure * 0.01 < 0.01
 

@@ -1,3 +1,6 @@
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
 from data_gen.capture import firing_times, keyframe_times
@@ -38,3 +41,39 @@ def test_a_sensor_gives_its_latest_firing_at_or_before_the_keyframe(rig):
 def test_a_firing_exactly_at_the_keyframe_counts(rig):
     radar = rig.radars["RADAR_FRONT"]
     assert firing_times(radar, 0.013 + 7 / 20, 0) == pytest.approx([0.013 + 7 / 20])
+
+
+def test_jitter_varies_the_firings_about_their_beat_and_never_their_order():
+    radar = Radar(translation=[3.4, 0.0, 0.5], rate=20.0, phase=0.013, jitter=0.002)
+    times = np.array(firing_times(radar, 100.0, 1900, channel="RADAR_FRONT", seed=3))
+    late = times - (0.013 + np.round((times - 0.013) * 20) / 20)
+    assert late.std() == pytest.approx(0.002, rel=0.1)
+    assert abs(late.mean()) < 2e-4
+    assert (np.diff(times) > 0.01).all()
+    wild = replace(radar, jitter=1.0)
+    assert (np.diff(firing_times(wild, 100.0, 1900, channel="RADAR_FRONT", seed=3)) > 0.009).all()
+
+
+def test_a_jittered_firing_is_the_same_whoever_asks_and_differs_between_sensors():
+    radar = Radar(translation=[3.4, 0.0, 0.5], rate=20.0, jitter=0.002)
+    long, short = (firing_times(radar, 5.0, n, channel="RADAR_FRONT", seed=3) for n in (50, 3))
+    assert long[-4:] == short
+    assert all(t <= 5.0 for t in long)
+    assert firing_times(radar, 5.0, 3, channel="RADAR_LEFT", seed=3) != short
+    assert firing_times(radar, 5.0, 3, channel="RADAR_FRONT", seed=4) != short
+
+
+def test_keyframes_are_the_ends_of_turns_as_they_truly_come(rig):
+    lidar = replace(rig.lidars["LIDAR_TOP"], jitter=0.001)
+    jittered = replace(rig, lidars={"LIDAR_TOP": lidar})
+    times, nominal = keyframe_times(jittered, 5, seed=3), keyframe_times(rig, 5)
+    assert 0 < np.abs(times - nominal).max() < 0.005
+    for t in times:
+        assert firing_times(lidar, t, 0, channel="LIDAR_TOP", seed=3) == [t]
+
+
+@pytest.mark.parametrize(("jitter", "nearest"), [(-0.001, 0.0), (0.02, 0.005)])
+def test_a_jitter_that_cannot_be_names_the_nearest(rig, jitter, nearest):
+    radars = {"RADAR_FRONT": replace(rig.radars["RADAR_FRONT"], jitter=jitter)}
+    with pytest.raises(ValueError, match=rf"jitter={jitter} .* rig.radars.RADAR_FRONT.jitter={nearest}"):
+        replace(rig, radars=radars)

@@ -1,12 +1,16 @@
+import errno
 import hashlib
 import json
+import shutil
 
 import pytest
 
 from data_gen.conditions import ConditionMix, Preset
 from data_gen.episode import Scenario
 from data_gen.generate import DataConfig, Job, generate, record_path
+from data_gen.manifest import only_generator
 from data_gen.rig import Camera, Lidar, Radar, Rig
+from data_gen.shard import Shard
 
 
 @pytest.fixture(scope="module")
@@ -106,6 +110,94 @@ def test_labels_move_by_their_velocity(tree):
 def test_two_workers_write_the_same_bytes(tree, rig, tmp_path):
     generate(job(tmp_path / "two", rig), settings=settings(), workers=2)
     assert tree_hash(tmp_path / "two") == tree_hash(tree)
+
+
+def test_shards_together_hold_the_bytes_of_the_whole(tree, rig, tmp_path):
+    made = [generate(job(tmp_path, rig), settings=settings(), workers=1, shard=Shard(n, 2)) for n in (1, 2)]
+    roots = [tmp_path / "shard-1-of-2", tmp_path / "shard-2-of-2"]
+    assert sorted(tmp_path.iterdir()) == roots
+    assert {manifest["hash"] for manifest in made} == {json.loads((tree / "manifest.json").read_text())["hash"]}
+    parts = [{path: hash for path, hash in tree_hash(root).items() if "v1.0" not in path} for root in roots]
+    assert not parts[0].keys() & parts[1].keys()
+    assert parts[0] | parts[1] == {path: hash for path, hash in tree_hash(tree).items() if "v1.0" not in path}
+    for name in ("scene", "sample", "sample_data", "ego_pose", "sample_annotation", "instance", "log", "map"):
+        rows = [row for root in roots for row in table(root, name)]
+        assert sorted(rows, key=str) == sorted(table(tree, name), key=str)
+    assert all(table(root, "calibrated_sensor") == table(tree, "calibrated_sensor") for root in roots)
+    shared = [json.loads((root / "v1.0-tiny/splits.json").read_text()) for root in roots]
+    whole = json.loads((tree / "v1.0-tiny/splits.json").read_text())
+    assert {name: sorted(s for part in shared for s in part.get(name, [])) for name in whole} == whole
+
+
+def test_shards_of_other_settings_or_another_count_or_beside_a_whole_set_are_refused(tree, rig, tmp_path):
+    generate(job(tmp_path, rig, num_scenes=2), settings=settings(), workers=1, shard=Shard(2, 2))
+    with pytest.raises(ValueError, match=r"shard-2-of-2 was generated with other settings \(seed: 5 there, 6 asked"):
+        generate(job(tmp_path, rig, seed=6), settings=settings(seed=6), workers=1, shard=Shard(1, 2))
+    with pytest.raises(ValueError, match="shard-2-of-2 is none of 3 shards"):
+        generate(job(tmp_path, rig), settings=settings(), workers=1, shard=Shard(1, 3))
+    with pytest.raises(ValueError, match="holds a data set that is not in shards"):
+        generate(job(tree, rig), settings=settings(), workers=1, shard=Shard(1, 2))
+    with pytest.raises(ValueError, match="holds shards; pass shard=NUMBER/COUNT"):
+        generate(job(tmp_path, rig), settings=settings(), workers=1)
+    assert [path.name for path in tmp_path.iterdir()] == ["shard-2-of-2"]
+
+
+def test_a_record_that_was_cut_short_is_made_again(tree, rig, tmp_path):
+    root = tmp_path / "cut"
+    shutil.copytree(tree, root)
+    record = record_path(root, 1)
+    record.write_bytes(record.read_bytes()[:-40])
+    generate(job(root, rig), settings=settings(), workers=1)
+    assert tree_hash(root) == tree_hash(tree)
+
+
+@pytest.mark.parametrize(
+    ("text", "answer"),
+    [
+        ('{"format": 99, "rows": []}', "was made by format 99 of the generator"),
+        ('{"format": 2, "ha', "manifest.json is damaged"),
+        ('{"hash": "x"}', "manifest.json is damaged"),
+        ("[]", "manifest.json is damaged"),
+    ],
+)
+def test_a_manifest_of_another_format_or_a_damaged_one_is_refused(rig, tmp_path, text, answer):
+    (tmp_path / "manifest.json").write_text(text)
+    with pytest.raises(ValueError, match=answer):
+        generate(job(tmp_path, rig), settings=settings(), workers=1)
+    assert [path.name for path in tmp_path.iterdir()] == ["manifest.json"]
+    assert (tmp_path / "manifest.json").read_text() == text
+
+
+def test_a_second_generator_in_the_same_folder_is_refused(rig, tmp_path):
+    with (
+        only_generator(tmp_path),
+        pytest.raises(ValueError, match="another generator is writing"),
+        only_generator(tmp_path),
+    ):
+        pass
+    with only_generator(tmp_path):  # free again
+        pass
+
+
+def test_a_full_disk_is_named_with_what_to_do(rig, tmp_path, monkeypatch):
+    def full(*_, **__):
+        raise OSError(errno.ENOSPC, "No space left on device", "x.jpg")
+
+    monkeypatch.setattr("data_gen.generate.write_scene", full)
+    root = tmp_path / "full"
+    with pytest.raises(OSError, match=r"the disk of .*full is full .*No space left on device: 'x.jpg'.*make room"):
+        generate(job(root, rig, num_scenes=1), settings=settings(), workers=1)
+    assert not json.loads((root / "manifest.json").read_text())["complete"]
+
+
+def test_without_room_nothing_begins_and_the_same_command_goes_on_later(tree, rig, tmp_path, monkeypatch):
+    root = tmp_path / "x"
+    with monkeypatch.context() as patch:
+        patch.setattr("data_gen.manifest.ROOM", 10**18)
+        with pytest.raises(OSError, match="make room and give the same command again"):
+            generate(job(root, rig, num_scenes=1), settings=settings(), workers=1)
+    monkeypatch.setattr(Job, "make", lambda self, index, split: shutil.copytree(tree, root, dirs_exist_ok=True))
+    assert generate(job(root, rig, num_scenes=1), settings=settings(), workers=1)["complete"]
 
 
 def test_an_interrupted_run_goes_on_to_the_same_tree(tree, rig, tmp_path, monkeypatch):

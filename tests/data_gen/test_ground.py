@@ -7,7 +7,8 @@ from data_gen.ground import GROUND, GROUND_NAMES, GroundMap, ground_table
 from data_gen.layout import Lane, Layout, record_layout
 from data_gen.mesh import TEXTURES
 from data_gen.random import stream
-from data_gen.road_paint import DASH, GAP, SHOULDER, VERGE, crossings, extend, paint_ground
+from data_gen.road_marks import crossings
+from data_gen.road_paint import DASH, GAP, SHOULDER, VERGE, extend, paint_ground
 from data_gen.track import Track
 
 

@@ -5,7 +5,9 @@ from box_world import ORIGIN, at, box, car, path, scene
 from data_gen.conditions import Condition
 from data_gen.random import stream
 from data_gen.rig import Lidar
-from data_gen.sensors.lidar import ELEVATION_DEG, FIRING, firing_pattern, range_sigma, scan_lidar
+from data_gen.scene import WORLD
+from data_gen.sensors.lidar import ELEVATION_DEG, FIRING, firing_pattern, scan_lidar
+from data_gen.sensors.lidar_power import range_sigma
 from fusion_net.geometry import from_rpy, invert, transform
 
 FRONT = Lidar(
@@ -136,7 +138,8 @@ def share_returned(distance, reflectivity, condition=None, max_range=100.0):
     sweep = sweep_of(world, lidar)
     level = np.abs(ELEVATION_DEG) < 6
     aimed = np.isin(firing_pattern(lidar)[1], np.flatnonzero(level)).sum()
-    return np.isin(sweep.ring, np.argsort(np.argsort(ELEVATION_DEG))[level]).sum() / aimed
+    of_the_wall = sweep.ring[sweep.body == WORLD]
+    return np.isin(of_the_wall, np.argsort(np.argsort(ELEVATION_DEG))[level]).sum() / aimed
 
 
 def test_a_ten_per_cent_target_is_lost_at_a_third_of_the_range():

@@ -8,6 +8,7 @@ from box_world import ORIGIN, box, car, path, scene
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from data_gen.assets import VARIANT_NAMES, build_asset
 from data_gen.mesh import Asset, Mesh, Surface
 from data_gen.scene import _TREES, NOTHING, WORLD
 from data_gen.track import Track
@@ -207,6 +208,26 @@ def test_ray_that_starts_inside_the_bounding_sphere():
     side = at(5.0, 2.0, 1.0)
     for direction, body in (([0.0, -1.0, 0.0], 0), ([0.0, 1.0, 0.0], NOTHING)):
         assert world.cast(side, np.array([direction]), 0.0).body[0] == body
+
+
+def test_a_walker_is_met_in_the_pose_of_the_time():
+    """The shape repeats after a stride and differs half a stride on; a body without a gait keeps its shape."""
+    walker = build_asset("pedestrian", VARIANT_NAMES["pedestrian"].index("man walking"))
+    pace = np.array([[1.5, 0.0, 0.0]])
+    world = scene(actors=[(walker, Track(np.zeros(1), at(12.0, 0, 0)[None], np.zeros(1), pace))])
+    z = np.linspace(0.05, 1.8, 60)
+
+    def profile(t):
+        x, y = np.linspace(-0.5, 0.5, 41), 3.0
+        columns = np.stack(np.meshgrid(x, z), axis=-1).reshape(-1, 2)
+        origins = at(12.0 + 1.5 * t, y, 0) + np.stack([columns[:, 0], 0 * columns[:, 0], columns[:, 1]], axis=1)
+        return world.cast(origins, np.tile([0.0, -1.0, 0.0], (len(origins), 1)), t).body == 0
+
+    cycle = walker.stride / 1.5
+    seen = [profile(t) for t in (0.02, 0.02 + cycle, 0.02 + cycle / 4)]
+    assert (seen[0] != seen[1]).mean() < 0.002
+    assert (seen[0] != seen[2]).mean() > 0.02
+    assert seen[0].sum() > 100
 
 
 def test_tree_of_an_asset_is_shared_and_goes_with_it():

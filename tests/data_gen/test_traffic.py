@@ -4,10 +4,15 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial import cKDTree
+from scipy.stats import binom, ks_2samp
 
 from data_gen.footprints import Occupancy, overlaps
+from data_gen.kerbside import DECOY_SHARE
 from data_gen.layout import LAYOUTS, REAR_AXLE, Layout, record_layout
+from data_gen.road_marks import crossings
 from data_gen.scene import Actor
+from data_gen.stage import Stage
 from data_gen.track import Track
 from data_gen.traffic import populate, towed
 from fusion_net.boxes import CATEGORY_TO_CLASS, CLASSES
@@ -81,18 +86,69 @@ def test_all_classes_occur_and_instances_are_distinct(scenes: list[tuple[Layout,
         assert [actor.instance for actor in actors] == list(range(len(actors)))
 
 
-def test_decoys_are_as_many_as_what_they_imitate_and_stand_alike(scenes: list[tuple[Layout, list[Actor]]]) -> None:
-    real, decoy = Counter(), Counter()
-    for actor in (actor for _, actors in scenes for actor in actors):
-        kind = actor.asset.name.removeprefix("decoy ").split()[0]
-        if actor.asset.name.startswith("decoy "):
-            decoy[kind] += 1
-            assert actor.asset.category == ""
-            assert len(actor.track.times) == 1
-        elif actor.attribute in ("vehicle.parked", "pedestrian.standing"):
-            real[kind] += 1
-    for kind in ("truck", "pedestrian"):
-        assert 0.6 < decoy[kind] / real[kind] < 1.7, (kind, decoy[kind], real[kind])
+@pytest.fixture(scope="module")
+def standing() -> dict[str, dict[bool, np.ndarray]]:
+    """What may be a decoy, of many scenes: by kind, whether it is one: distance from the road's edge, from the ego (m) and
+    heading against the nearest lane (rad, 0..pi/2), one row a body. Kinds that share one way of placing are pooled."""
+    rows: dict[str, dict[bool, list]] = {kind: {True: [], False: []} for kind in ("large", "machine", "pedestrian")}
+    for seed in range(100, 180):
+        layout = record_layout(LAYOUTS[seed % len(LAYOUTS)], seed=seed, duration=0.4)
+        centres, yaw = (np.concatenate([getattr(lane, key) for lane in layout.lanes]) for key in ("centre", "yaw"))
+        tree, half = cKDTree(centres), np.concatenate([lane.width for lane in layout.lanes]) / 2
+        for actor in populate(layout, seed=seed):
+            is_decoy = actor.asset.name.startswith("decoy ")
+            if not is_decoy and actor.attribute not in ("vehicle.parked", "pedestrian.standing"):
+                continue
+            kind = actor.asset.name.removeprefix("decoy ").split()[0]
+            place = {"construction": "machine", "pedestrian": "pedestrian", "car": ""}.get(kind, "large")
+            if place:
+                at = actor.track.position[0, :2]
+                distance, near = tree.query(at)
+                turn = abs((actor.track.yaw[0] - yaw[near] + np.pi / 2) % np.pi - np.pi / 2)
+                ego = np.linalg.norm(at - layout.ego.position[0, :2])
+                rows[place][is_decoy].append((distance - half[near], ego, turn))
+                assert actor.asset.category == ("" if is_decoy else actor.asset.category)
+                assert len(actor.track.times) == 1
+                assert not actor.track.velocity.any()
+    return {kind: {key: np.array(values) for key, values in pair.items()} for kind, pair in rows.items()}
+
+
+@pytest.mark.parametrize("kind", ["large", "machine", "pedestrian"])
+def test_the_stated_share_of_what_stands_is_a_decoy(standing, kind) -> None:
+    """Every body that may be a decoy is one with probability ``DECOY_SHARE``: the count is binomial."""
+    decoys, real = len(standing[kind][True]), len(standing[kind][False])
+    low, high = binom.interval(0.999, decoys + real, DECOY_SHARE)
+    assert low <= decoys <= high, (kind, decoys, real)
+
+
+@pytest.mark.parametrize("kind", ["large", "machine", "pedestrian"])
+@pytest.mark.parametrize("quantity", [0, 1, 2], ids=["off the road", "from the ego", "heading"])
+def test_decoys_stand_where_and_how_real_ones_stand(standing, kind, quantity) -> None:
+    """Neither place nor heading tells a decoy: both samples may come from one distribution (Kolmogorov-Smirnov)."""
+    decoys, real = (standing[kind][key][:, quantity] for key in (True, False))
+    assert ks_2samp(decoys, real).pvalue > 1e-3
+
+
+def test_most_who_cross_the_road_in_sight_of_a_zebra_crossing_do_so_on_it() -> None:
+    on, off = 0, 0
+    for seed in range(200, 260):
+        layout = record_layout(("two_way", "intersection", "roundabout")[seed % 3], seed=seed, duration=0.4)
+        lanes = cKDTree(np.concatenate([lane.centre for lane in layout.lanes]))
+        yaw = np.concatenate([lane.yaw for lane in layout.lanes])
+        view = Stage(layout, np.random.default_rng(0))
+        zebras = [zebra for zebra in crossings(layout) if view.visibility(zebra.middle) > 0.3]
+        if not zebras:
+            continue
+        for actor in populate(layout, seed=seed):
+            at, heading = actor.track.position[0, :2], actor.track.yaw[0]
+            distance, near = lanes.query(at)
+            if actor.attribute == "pedestrian.moving" and distance < 3.0 and abs(np.sin(heading - yaw[near])) > 0.9:
+                delta = [at - zebra.middle for zebra in zebras]
+                along = [abs(d @ [np.cos(z.yaw), np.sin(z.yaw)]) for d, z in zip(delta, zebras, strict=True)]
+                is_on = any(a < 1.5 and np.hypot(*d) < z.width for a, d, z in zip(along, delta, zebras, strict=True))
+                on, off = on + is_on, off + (not is_on)
+    assert on + off > 10
+    assert on > off, (on, off)
 
 
 def test_populate_depends_on_its_seed_alone() -> None:

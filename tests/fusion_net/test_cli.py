@@ -21,6 +21,10 @@ from fusion_net.cli import UserError, build, check_overrides, one_line
         ("modality_dropout=abc", "modality_dropout=abc is not a number"),
         ("resume=yess", "resume=yess is not true or false; the default is false"),
         ("encoders=camera", "write 'encoders="),
+        ("name=[a]", "is not a name"),
+        ("trainer.augment={flip_x:true}", "unknown key 'flip_x' in trainer.augment; did you mean flip_y?"),
+        ("sweep=seeds", "write [+]sweep=seeds"),
+        ("+sweep=seedz", "there is no sweep=seedz; did you mean seeds?"),
     ],
 )
 def test_a_mistyped_override_is_answered_with_the_nearest_valid_one(argument, answer):
@@ -39,6 +43,10 @@ def test_a_mistyped_override_is_answered_with_the_nearest_valid_one(argument, an
         "trainer.max_minutes=2",
         "encoders=[camera,lidar]",
         "+extra.key=1",
+        "data.root=[a,b]",
+        "+sweep=seeds",
+        "hydra/launcher=joblib",
+        "trainer.augment={brightness:0.1}",
         "experiment=nano",
         "-m",
     ],
@@ -62,6 +70,17 @@ def test_a_wrong_type_names_the_key_and_the_type():
 def test_a_refused_value_is_one_line():
     with pytest.raises(UserError, match="thing: count=-1 must not be negative"):
         build({"_target_": f"{__name__}.Thing", "count": -1}, "thing")
+
+
+@beartype
+class Proud:
+    def __init__(self) -> None:
+        raise ValueError("thing: out of order")
+
+
+def test_a_key_that_the_message_begins_with_is_not_said_twice():
+    with pytest.raises(UserError, match=r"^thing: out of order$"):
+        build({"_target_": f"{__name__}.Proud"}, "thing")
 
 
 @beartype

@@ -77,6 +77,17 @@ def test_the_command_writes_a_picture_and_names_mistakes(tmp_path, capsys):
         ([], "usage"),
         ([root, "out=picture"], "end it with .png"),
         ([root, "split=test"], "no split 'test'"),
+        ([root, "error_deg=much"], "error_deg=much is no angle"),
+        ([root, "error_deg=90"], "within 45 degrees"),
+        ([root, "follow=maybe"], "follow=yes or follow=no"),
     ):
         with pytest.raises(ValueError, match=message):
             main(arguments)
+
+
+def test_an_error_adds_a_picture_to_every_camera(tmp_path):
+    root = str(write_tree(tmp_path / "tree", scenes=1, keyframes=1))
+    plain, off = tmp_path / "plain.png", tmp_path / "off.png"
+    main([root, f"out={plain}"])
+    main([root, f"out={off}", "error_deg=0.5"])
+    assert cv2.imread(str(off)).shape[0] == cv2.imread(str(plain)).shape[0] * 3 // 2

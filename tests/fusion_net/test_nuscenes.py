@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from tiny_tree import ego_pose, write_tree
 
-from fusion_net.data.nuscenes import NuScenes, split_of
+from fusion_net.data.nuscenes import NuScenes
 
 CAR, PERSON = "vehicle.car", "human.pedestrian.adult"
 
@@ -100,18 +100,6 @@ def test_split_of_an_unknown_scene_is_named(tmp_path):
     (root / "v1.0-tiny/splits.json").write_text(json.dumps({"tiny_val": ["scene-0007"]}))
     with pytest.raises(ValueError, match=r"scene.json lacks 'scene-0007'"):
         NuScenes(root).split("val")
-
-
-def test_several_trees_are_one_data_set_and_a_shard_may_lack_the_split(tmp_path):
-    one = NuScenes(write_tree(tmp_path / "one", scenes=2, keyframes=2))
-    other = write_tree(tmp_path / "other", scenes=1, keyframes=2)
-    (other / "v1.0-tiny/splits.json").write_text("{}")
-    other = NuScenes(other)
-    assert [token for _, token in split_of([one, other], "val")] == one.split("val")
-    with pytest.raises(ValueError, match="hold the same samples"):
-        split_of([one, other], "all")
-    with pytest.raises(ValueError, match="no split 'val'"):
-        split_of([other], "val")
 
 
 def _cut(path):

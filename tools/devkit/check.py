@@ -1,4 +1,4 @@
-"""Opens a tree with the official nuScenes devkit, lists its samples and draws one of each sensor with boxes.
+"""Opens a tree with the official nuScenes devkit, holds its tables, boxes, sweeps and maps against each other, and draws it.
 
 Run it inside the environment that setup.sh makes:
 
@@ -6,71 +6,68 @@ Run it inside the environment that setup.sh makes:
 """
 
 import argparse
+import contextlib
+import io
+import json
 import sys
+from dataclasses import asdict
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use("Agg")
+import numpy as np
+from check_boxes import check_boxes
+from check_map import check_map
+from check_sweeps import check_sweeps
+from check_tables import check_tables
+from findings import Finding
 from nuscenes import NuScenes
-from nuscenes.utils.data_classes import LidarPointCloud, RadarPointCloud
+from pictures import draw
+from tree import open_tree
 
 
-def check(root: Path, sample_index: int, out: Path) -> None:
-    """Loads every table, lists samples, reads multi-sweep clouds and writes one picture a modality."""
-    tree = NuScenes(version=_version_of(root), dataroot=str(root), verbose=True)
-    if not 0 <= sample_index < len(tree.sample):
-        raise SystemExit(f"error: --sample {sample_index} is not in 0..{len(tree.sample) - 1}")
-    for sample in tree.sample[:3]:
-        scene = tree.get("scene", sample["scene_token"])
-        print(f"{scene['name']} ({scene['description']}) {sample['token']}: {len(sample['anns'])} boxes")
-    sample = tree.sample[sample_index]
-    tree.list_sample(sample["token"])
-    out.mkdir(parents=True, exist_ok=True)
-    drawn = set()
-    for channel, token in sample["data"].items():
-        modality = tree.get("sample_data", token)["sensor_modality"]
-        if modality == "lidar":
-            cloud, times = LidarPointCloud.from_file_multisweep(tree, sample, channel, "LIDAR_TOP", nsweeps=3)
-            print(
-                f"{channel}: {cloud.nbr_points()} points in up to 3 sweeps, ages {times.min():.3f} to {times.max():.3f} s"
-            )
-        elif modality == "radar":
-            cloud, _ = RadarPointCloud.from_file_multisweep(tree, sample, channel, "LIDAR_TOP", nsweeps=3)
-            print(f"{channel}: {cloud.nbr_points()} returns in up to 3 sweeps")
-        if modality not in drawn:
-            path = out / f"{modality}.png"
-            tree.render_sample_data(
-                token, with_anns=True, axes_limit=50, out_path=str(path), verbose=False, underlay_map=False
-            )
-            print(f"wrote {path}")
-            drawn.add(modality)
-    speeds = [tree.box_velocity(token) for token in sample["anns"]]
-    print(f"velocities of {len(speeds)} boxes by finite differences, fastest {_fastest(speeds):.1f} m/s")
-
-
-def _fastest(velocities: list) -> float:
-    return max(((v[0] ** 2 + v[1] ** 2) ** 0.5 for v in velocities if v[0] == v[0]), default=0.0)
-
-
-def _version_of(root: Path) -> str:
-    found = sorted(path.name for path in root.glob("v1.0-*") if path.is_dir())
-    if len(found) != 1:
-        raise SystemExit(f"error: {root} needs one folder v1.0-* and has {', '.join(found) or 'none'}")
-    return found[0]
+def check(tree: NuScenes, samples: int) -> list[Finding]:
+    """Every finding; boxes and sweeps in at most ``samples`` keyframes, spread evenly over the tree."""
+    chosen = np.unique(np.linspace(0, len(tree.sample) - 1, samples).round().astype(int))
+    looked_at = [tree.sample[i] for i in chosen]
+    return [*check_tables(tree), *check_boxes(tree, looked_at), *check_sweeps(tree, looked_at), *check_map(tree)]
 
 
 def main() -> None:
-    """Checks a tree; any refusal of the devkit ends with its message."""
+    """Prints one line a finding; anything that fails, or that the devkit refuses, ends with exit code 1."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--root", type=Path, required=True, help="nuScenes tree")
-    parser.add_argument("--sample", type=int, default=0, help="which sample to draw, by its place in the table")
-    parser.add_argument("--out", type=Path, default=Path("devkit_check"), help="folder for the pictures")
+    parser.add_argument("--samples", type=int, default=40, help="keyframes in which boxes and sweeps are looked at")
+    parser.add_argument("--sample", type=int, default=0, help="which keyframe to draw, by its place in the table")
+    parser.add_argument("--out", type=Path, help="folder for pictures, none by default")
+    parser.add_argument("--json", type=Path, help="where to write the findings")
     arguments = parser.parse_args()
     try:
-        check(arguments.root, arguments.sample, arguments.out)
-    except (AssertionError, KeyError, FileNotFoundError, ValueError) as error:
+        tree = open_tree(arguments.root)
+        if not 0 <= arguments.sample < len(tree.sample):
+            raise SystemExit(f"error: --sample {arguments.sample} is not in 0..{len(tree.sample) - 1}")
+        counts = ", ".join(f"{len(getattr(tree, name))} {name}" for name in tree.table_names)
+        print(f"{arguments.root}: the devkit opens it: {counts}")
+        print(_listed(tree, tree.sample[arguments.sample]["token"]))
+        findings = check(tree, arguments.samples)
+        print("\n".join(finding.line() for finding in findings))
+        if arguments.out:
+            with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):  # its own bars
+                paths = list(draw(tree, tree.sample[arguments.sample], arguments.out))
+            print("\n".join(f"wrote {path}" for path in paths))
+    except (AssertionError, KeyError, OSError, ValueError) as error:
         sys.exit(f"error: the devkit refused {arguments.root}: {type(error).__name__}: {error}")
+    if arguments.json:
+        arguments.json.write_text(json.dumps([asdict(finding) for finding in findings], indent=1) + "\n")
+    failed = [finding for finding in findings if not finding.passed]
+    if failed:
+        sys.exit(f"error: {len(failed)} of {len(findings)} checks failed on {arguments.root}: {failed[0].what}")
+    print(f"all {len(findings)} checks passed")
+
+
+def _listed(tree: NuScenes, token: str) -> str:
+    """What ``list_sample`` prints, in short."""
+    with contextlib.redirect_stdout(io.StringIO()) as text:
+        tree.list_sample(token)
+    return f"list_sample {token}: {len(text.getvalue().splitlines())} lines"
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """Writes the golden case of the metric's test: a random tree, a result file and the devkit's score of it.
 
-.venv-devkit/bin/python -m tools.devkit.make_golden tests/fusion_net/golden/detection_metric.json
+PYTHONPATH=. .venv-devkit/bin/python tools/devkit/make_golden.py tests/fusion_net/golden/detection_metric.json
 """
 
 import json
@@ -9,9 +9,9 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
+from score import score
 
 from benchmarks.random_tree import SPLIT, make_results, make_tables, write_tree
-from tools.devkit.score import score
 
 
 def main(path: Path) -> None:

@@ -9,15 +9,15 @@ import tempfile
 import time
 from pathlib import Path
 
-from nuscenes import NuScenes
 from nuscenes.eval.common.config import config_factory
 from nuscenes.eval.detection.evaluate import DetectionEval
+from tree import open_tree
 
 
 def score(root: Path, split: str, results: Path) -> dict:
     """The devkit's ``metrics_summary`` with ``seconds``: loading the tree, loading the boxes, evaluating."""
     start = time.perf_counter()
-    tree = NuScenes(version=version_of(root), dataroot=str(root), verbose=False)
+    tree = open_tree(root)
     loaded = time.perf_counter()
     with tempfile.TemporaryDirectory() as folder:
         evaluation = DetectionEval(
@@ -27,14 +27,6 @@ def score(root: Path, split: str, results: Path) -> dict:
         metrics, _ = evaluation.evaluate()
     seconds = {"tree": loaded - start, "boxes": read - loaded, "metric": time.perf_counter() - read}
     return json.loads(json.dumps(metrics.serialize())) | {"seconds": seconds}
-
-
-def version_of(root: Path) -> str:
-    """Name of the one version folder of a tree."""
-    found = sorted(path.name for path in root.glob("v1.0-*") if path.is_dir())
-    if len(found) != 1:
-        raise SystemExit(f"error: {root} needs one folder v1.0-* and has {', '.join(found) or 'none'}")
-    return found[0]
 
 
 def main() -> None:

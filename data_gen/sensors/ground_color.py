@@ -1,0 +1,83 @@
+"""The ground's colour under a pixel: an area average over the rasters of material, lane paint and wear."""
+
+import numpy as np
+
+from data_gen.ground import EVEN, IS_MARK, TONE_STRIDE
+from data_gen.jit import jit
+from data_gen.sensors.noise import lattice
+
+_NEAR = 0.15
+"""Metres that a pixel covers across, below which the raster's cells would show: edges are then sought within the cell."""
+
+
+@jit
+def _bilinear(raster, x, y):
+    """The raster at (x, y) in pixels from its corner, not nearer to its border than a pixel."""
+    i, j = int(y - 0.5), int(x - 0.5)
+    v, u = y - 0.5 - i, x - 0.5 - j
+    low = raster[i, j] * (1 - u) + raster[i, j + 1] * u
+    high = raster[i + 1, j] * (1 - u) + raster[i + 1, j + 1] * u
+    return low * (1 - v) + high * v
+
+
+@jit
+def _close(material, cover, x, y, width):
+    """What lies at (x, y) in pixels of the raster: a mark and its share of ``width`` pixels across its edge, and the ground
+    under or beside it. Edges between other materials are ragged by half a cell instead of running along cells."""
+    i, j = int(y - 0.5), int(x - 0.5)
+    first = int(material[i, j])
+    mark, ground = (first, 0) if IS_MARK[first] else (0, first)
+    second, third, fourth = int(material[i, j + 1]), int(material[i + 1, j]), int(material[i + 1, j + 1])
+    if second == first and third == first and fourth == first:
+        return mark, ground, 1.0 if mark else 0.0
+    for found in (second, third, fourth):
+        if IS_MARK[found]:
+            mark = max(mark, found)
+        else:
+            ground = max(ground, found)
+    if mark:  # its edge is where half of a cell is covered, as in a distance field
+        return mark, ground, min(max(0.5 + (_bilinear(cover, x, y) / 255.0 - 0.5) / width, 0.0), 1.0)
+    row, column = int(4 * y), int(4 * x)
+    dx, dy = lattice(column, row, 91) - 0.5, lattice(column, row, 92) - 0.5
+    return 0, int(material[int(y + 1.2 * dy), int(x + 1.2 * dx)]), 0.0
+
+
+@jit
+def ground_color(p, n, o, step_u, step_v, r, span, footprint, slant, ground, out):
+    """Mean albedo of the ground over the part of the plane (p, n) that one pixel sees, written to ``out``. The pixel is cut
+    into sub-rays by how much ground it covers. ``ground``: material, cover, tone, origin, resolution, albedo table."""
+    material, cover, tone, origin, resolution, table = ground
+    rows, columns = material.shape
+    x, y = (p[0] - origin[0]) / resolution, (p[1] - origin[1]) / resolution
+    gain = 1.0
+    if 4 <= x < columns - 4 and 4 <= y < rows - 4:
+        gain = _bilinear(tone, x / TONE_STRIDE, y / TONE_STRIDE) / EVEN
+    bright = min(gain, 1.0)  # old asphalt is pale, old paint is not brighter than new
+    count_v = int(min(max(np.ceil(footprint * slant / 0.3), 2.0), 8.0))
+    count_u = int(min(max(np.ceil(footprint / 0.12), 2.0), 4.0))
+    gap = n[0] * (p[0] - o[0]) + n[1] * (p[1] - o[1]) + n[2] * (p[2] - o[2])
+    width = max(footprint / count_u / resolution, 0.25)
+    used = 0
+    out[0] = out[1] = out[2] = 0.0
+    for a in range(count_v):
+        for b in range(count_u):
+            dv = span * ((a + (b + 0.5) / count_u) / count_v - 0.5)  # sheared: no two sub-rays share a row or a column
+            du = span * ((b + (a + 0.5) / count_v) / count_u - 0.5)
+            rx = r[0] + du * step_u[0] + dv * step_v[0]
+            ry = r[1] + du * step_u[1] + dv * step_v[1]
+            facing = n[0] * rx + n[1] * ry + n[2] * (r[2] + du * step_u[2] + dv * step_v[2])
+            if facing * gap <= 0 or gap > 600.0 * facing > 0 or gap < 600.0 * facing < 0:
+                continue
+            s = gap / facing
+            x, y = (o[0] + s * rx - origin[0]) / resolution, (o[1] + s * ry - origin[1]) / resolution
+            used += 1
+            mark, under, share = 0, 0, 0.0
+            if footprint < _NEAR and 2 <= x < columns - 2 and 2 <= y < rows - 2:
+                mark, under, share = _close(material, cover, x, y, width)
+            elif 0 <= x < columns and 0 <= y < rows:
+                under = int(material[int(y), int(x)])
+                share, mark = (1.0, under) if IS_MARK[under] else (0.0, 0)
+            for c in range(3):
+                out[c] += share * bright * table[mark, c] + (1 - share) * gain * table[under, c]
+    for c in range(3):
+        out[c] /= max(used, 1)

@@ -1,0 +1,139 @@
+"""What there is in a data set: its objects, keyframes and readings as arrays, before anything is counted."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from fusion_net.boxes import CLASSES, Boxes
+from fusion_net.data.nuscenes import NuScenes
+from fusion_net.data.samples import SampleReader
+from fusion_net.data.sensor_files import read_image, read_radar
+from fusion_net.geometry import invert, transform
+
+UNKNOWN = "not stated"
+"""Condition and layout of a tree that does not say, such as a real one."""
+RADAR_GATE = 1.0
+"""Metres by which a box is grown on every side before radar returns are counted as the object's."""
+ALL = list(CLASSES)
+
+
+@dataclass(frozen=True)
+class Objects:
+    """N labelled objects, one row a keyframe in which they are labelled."""
+
+    keyframe: NDArray[np.int64]  # (N,) row of Survey's keyframes
+    label: NDArray[np.int64]  # (N,) index into CLASSES
+    place: NDArray[np.float64]  # (N, 2) metres in the ego frame
+    speed: NDArray[np.float64]  # (N,) m/s, NaN where unknown
+    visibility: NDArray[np.int64]  # (N,) 1 .. 4, 0 unknown
+    lidar_points: NDArray[np.int64]  # (N,)
+    radar_points: NDArray[np.int64]  # (N,)
+    wlh: NDArray[np.float64]  # (N, 3) metres
+
+    @property
+    def range(self) -> NDArray[np.float64]:
+        """(N,) metres from the ego."""
+        return np.hypot(*self.place.T)
+
+
+@dataclass(frozen=True)
+class Readings:
+    """What the sensors gave in one keyframe. ``radar_returns`` holds a figure a unit; ``rcs_of`` the RCS of the returns at each
+    class's boxes."""
+
+    keyframe: int
+    brightness: float  # mean of the first camera's image, 0 .. 255; NaN without a camera
+    contrast: float  # its standard deviation
+    lidar_points: int
+    radar_returns: list[int]
+    rcs: NDArray[np.float32]  # dBsm of every return
+    speed: NDArray[np.float32]  # m/s, compensated, of every return
+    rcs_of: dict[str, NDArray[np.float32]]
+
+
+@dataclass
+class Survey:
+    """A data set. ``condition``, ``severity`` and ``layout`` say it for each keyframe, ``scene`` which scene it is of;
+    ``pictures`` has one image a condition and severity."""
+
+    scene: list[str] = field(default_factory=list)
+    condition: list[str] = field(default_factory=list)
+    severity: list[int] = field(default_factory=list)
+    layout: list[str] = field(default_factory=list)
+    readings: list[Readings] = field(default_factory=list)
+    pictures: dict[tuple[str, int], NDArray[np.uint8]] = field(default_factory=dict)
+    channels: dict[str, list[str]] = field(default_factory=dict)
+    image_size: tuple[int, int] = (0, 0)
+    objects: Objects = field(init=False)
+
+
+def survey(samples: Sequence[tuple[NuScenes, str]], *, files: int) -> Survey:
+    """Looks at the labels of all ``samples`` (tree, token) and at the files of at most ``files`` of them."""
+    found = Survey()
+    first = samples[0][0]
+    found.channels = {name: first.channels(name) for name in ("camera", "lidar", "radar")}
+    opened = set(np.linspace(0, len(samples) - 1, files).round().astype(int).tolist())
+    parts = []
+    for row, (tree, token) in enumerate(samples):
+        scene = tree.scene(token)
+        condition = scene.get("condition", {})
+        found.scene.append(scene["name"])
+        found.condition.append(condition.get("name", UNKNOWN))
+        found.severity.append(condition.get("severity", 1))
+        found.layout.append(scene.get("layout", UNKNOWN))
+        parts.append(_objects(tree, token, row))
+        if row in opened:
+            found.readings.append(_readings(tree, token, row, found))
+    columns = zip(*parts, strict=True)
+    found.objects = Objects(*(np.concatenate(column) for column in columns))
+    return found
+
+
+def _objects(tree: NuScenes, token: str, row: int) -> tuple[NDArray, ...]:
+    """The columns of Objects for one sample."""
+    labels = tree.annotations(token, ALL)
+    boxes = labels.boxes
+    place = transform(invert(tree.global_T_ego(tree.reference(token))), boxes.center)[:, :2]
+    speed = np.hypot(*boxes.velocity.T)
+    return (
+        np.full(len(boxes), row), boxes.label, place, speed, labels.visibility, labels.num_lidar_pts,
+        labels.num_radar_pts, boxes.wlh,
+    )  # fmt: skip
+
+
+def _readings(tree: NuScenes, token: str, row: int, found: Survey) -> Readings:
+    light = np.array([np.nan, np.nan])
+    camera = next((tree.keyframes[token][c] for c in found.channels["camera"] if c in tree.keyframes[token]), None)
+    if camera is not None:
+        image = read_image(tree.path(camera))
+        found.image_size = image.shape[1], image.shape[0]
+        found.pictures.setdefault((found.condition[row], found.severity[row]), image)
+        grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
+        light = np.array([grey.mean(), grey.std()])
+    reader = SampleReader(lidar_sweeps=0, radar_sweeps=0, label_stride=None, modalities=["lidar", "radar"])
+    sample = reader.read(tree, token)
+    radar = sample.radar_points
+    alone = [_radar_returns(tree, token, channel) for channel in found.channels["radar"]]
+    return Readings(
+        row, float(light[0]), float(light[1]), len(sample.lidar_points), [count for count in alone if count >= 0],
+        radar[:, 3], np.hypot(radar[:, 4], radar[:, 5]), _rcs_of(sample.boxes, radar),
+    )  # fmt: skip
+
+
+def _radar_returns(tree: NuScenes, token: str, channel: str) -> int:
+    """Returns of one unit's keyframe scan, -1 where it gave none."""
+    records = tree.firings(token, channel, 0)
+    return len(read_radar(tree.path(records[0]))) if records else -1
+
+
+def _rcs_of(boxes: Boxes, radar: NDArray[np.float32]) -> dict[str, NDArray[np.float32]]:
+    """RCS of the returns (R, 7) that lie at the boxes, by class."""
+    delta = radar[:, None, :2] - boxes.center[None, :, :2]
+    cos, sin = np.cos(boxes.yaw), np.sin(boxes.yaw)
+    along, across = delta[..., 0] * cos + delta[..., 1] * sin, -delta[..., 0] * sin + delta[..., 1] * cos
+    half = boxes.wlh / 2 + RADAR_GATE
+    inside = (np.abs(along) <= half[:, 1]) & (np.abs(across) <= half[:, 0])
+    return {CLASSES[c]: radar[inside[:, boxes.label == c].any(axis=1), 3] for c in np.unique(boxes.label).tolist()}

@@ -1,0 +1,10 @@
+"""Two sets of settings held against each other."""
+
+from typing import Any
+
+
+def differences(old: Any, new: Any, path: str = "") -> list[str]:
+    """Of two nested mappings, the dotted names that differ, each with both values."""
+    if isinstance(old, dict) and isinstance(new, dict):
+        return [d for key in sorted({*old, *new}) for d in differences(old.get(key), new.get(key), f"{path}.{key}")]
+    return [] if old == new else [f"{path[1:]}: {old} there, {new} asked for"]

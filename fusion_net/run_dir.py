@@ -11,6 +11,7 @@ from typing import Any
 
 import torch
 from omegaconf import DictConfig, OmegaConf
+from yaml import YAMLError
 
 from fusion_net.settings import differences
 
@@ -41,24 +42,22 @@ def open_run(folder: Path, cfg: DictConfig, *, resume: bool, overwrite: bool, da
 
 def mark_finished(folder: Path) -> None:
     """Notes in env.json that the run is over."""
-    path = folder / "env.json"
-    path.write_text(json.dumps(json.loads(path.read_text()) | {"finished": True}, indent=1) + "\n")
+    (folder / "env.json").write_text(json.dumps(_surroundings(folder) | {"finished": True}, indent=1) + "\n")
 
 
 def is_finished(folder: Path, cfg: DictConfig) -> bool:
     """Whether a run with the settings ``cfg`` is over. ValueError when the folder holds one with others."""
-    if not (folder / "config.yaml").exists() or not (folder / "env.json").exists():
+    if not (folder / "config.yaml").exists():
         return False
     ours, theirs = (_settings(each) for each in (cfg, load_config(folder)))
     if differs := differences(theirs, ours):
         raise ValueError(f"{folder} is a run with other settings ({', '.join(differs[:3])}); move it away or delete it")
-    return json.loads((folder / "env.json").read_text()).get("finished", False)
+    return bool(_surroundings(folder).get("finished"))
 
 
 def refuse_other_data(folder: Path, data: Sequence[str]) -> None:
     """ValueError when the run was trained on data of other settings than those with these fingerprints."""
-    path = folder / "env.json"
-    trained = json.loads(path.read_text()).get("data", []) if path.exists() else []
+    trained = _surroundings(folder).get("data", [])
     if trained and trained != list(data):
         hashes = [", ".join(each[:12] or "none" for each in both) for both in (trained, data)]
         raise ValueError(
@@ -74,8 +73,12 @@ def load_config(folder: Path) -> DictConfig:
         near = sorted(p.parent.name for p in folder.parent.glob("*/config.yaml")) if folder.parent.is_dir() else []
         known = f"there are {', '.join(near)}" if near else "train one: python train.py experiment=nano name=NAME"
         raise FileNotFoundError(f"no run at {folder}; {known}")
-    loaded = OmegaConf.load(path)
-    assert isinstance(loaded, DictConfig)
+    try:
+        loaded = OmegaConf.load(path)
+    except (YAMLError, UnicodeDecodeError) as error:
+        raise ValueError(f"{path} is damaged ({error}); train the run again") from error
+    if not isinstance(loaded, DictConfig) or not loaded:
+        raise ValueError(f"{path} holds no settings; train the run again")
     return loaded
 
 
@@ -147,6 +150,17 @@ def git_revision() -> str:
 
     revision = git("rev-parse", "--short", "HEAD")
     return revision + ("+" if revision and git("status", "--porcelain", "--untracked-files=no") else "")
+
+
+def _surroundings(folder: Path) -> dict[str, Any]:
+    """The run's env.json; {} where there is none."""
+    path = folder / "env.json"
+    if not path.exists():
+        return {}
+    try:
+        return dict(json.loads(path.read_bytes()))
+    except (ValueError, TypeError) as error:
+        raise ValueError(f"{path} is damaged ({error}); delete it, or train the run again") from error
 
 
 def _processor() -> str:

@@ -2,7 +2,15 @@ import pytest
 import torch
 from omegaconf import OmegaConf
 
-from fusion_net.run_dir import load_config, load_weights, open_run, refuse_other_data, resume_step
+from fusion_net.run_dir import (
+    is_finished,
+    load_config,
+    load_weights,
+    mark_finished,
+    open_run,
+    refuse_other_data,
+    resume_step,
+)
 
 CONFIG = OmegaConf.create(
     {"model": {"width": 8}, "encoders": ["camera"], "fuser": "concat", "grid": {"cell": 0.8}, "seed": 1}
@@ -70,3 +78,26 @@ def test_a_checkpoint_is_looked_at_before_a_run_goes_on(tmp_path):
     path.write_bytes(b"x")
     with pytest.raises(ValueError, match="not a readable checkpoint"):
         resume_step(model, path)
+
+
+def test_a_run_is_finished_once_it_says_so_and_only_for_its_own_settings(tmp_path):
+    assert not is_finished(tmp_path / "a", CONFIG)
+    folder = open_run(tmp_path / "a", CONFIG, resume=False, overwrite=False, data=["d"])
+    assert not is_finished(folder, CONFIG)
+    mark_finished(folder)
+    assert is_finished(folder, OmegaConf.merge(CONFIG, {"resume": True, "skip_finished": True, "name": "a"}))
+    refuse_other_data(folder, ["d"])
+    with pytest.raises(ValueError, match=r"a is a run with other settings \(seed: 1 there, 2 asked for\)"):
+        is_finished(folder, OmegaConf.merge(CONFIG, {"seed": 2}))
+    open_run(folder, CONFIG, resume=False, overwrite=True)
+    assert not is_finished(folder, CONFIG)
+
+
+@pytest.mark.parametrize(
+    ("name", "text"), [("config.yaml", "seed: ["), ("config.yaml", "[1]"), ("config.yaml", ""), ("env.json", '{"da')]
+)
+def test_damaged_settings_are_named(tmp_path, name, text):
+    folder = open_run(tmp_path / "a", CONFIG, resume=False, overwrite=False)
+    (folder / name).write_text(text)
+    with pytest.raises(ValueError, match=f"{name} (is damaged|holds no settings)"):
+        is_finished(folder, CONFIG)

@@ -51,7 +51,7 @@ RURAL_PLANTS = (
     Planting("billboard", 80.0, (9.0, 16.0), 0.5, 6.0),
     Planting("grove", 16.0, (34.0, 60.0), 0.6, 26.0, 4.0),
 )
-_BUDGET = {"tree": 9000, "bush": 3500, "grove": 5500, "guard_rail": 8000}
+_BUDGET = {"tree": 8000, "bush": 2800, "grove": 4500, "guard_rail": 7000}
 """The most triangles of a planting of that kind, nearest to the ego's path first."""
 _MIXED = ("tree", "bush", "sign_post", "pole", "grove", "billboard")
 """Kinds of which every piece may be another model; of lamps and rails there is one a road."""

@@ -76,8 +76,16 @@ MISTAKES = [
     (DATA_GEN, "rig=surond", "did you mean surround?"),
     (DATA_GEN, "condition=fogg", "did you mean fog?"),
     (DATA_GEN, "condition=fog condition.severity=7", "severities are 1 to 3, or null for any"),
-    (DATA_GEN, "condition.weights={fogg:1}", "unknown key 'fogg' in condition.weights; there are clear, night"),
-    (DATA_GEN, "+condition.weights.fogg=1", "weights name 'fogg', but the presets are clear, night"),
+    (
+        DATA_GEN,
+        "condition=day_night condition.weights={fogg:1}",
+        "unknown key 'fogg' in condition.weights; there are clear, night",
+    ),
+    (
+        DATA_GEN,
+        "condition=day_night +condition.weights.fogg=1",
+        "weights name 'fogg', but the presets are clear, night",
+    ),
     (DATA_GEN, "shard=5/4", "shard=5/4: the first number runs from 1 to the second"),
     (DATA_GEN, "shard=a/b", "shard=a/b is not NUMBER/COUNT, such as shard=3/64"),
     (DATA_GEN, "data.num_scenes=4 shard=1/8", "4 scenes fill at most 4 shards"),

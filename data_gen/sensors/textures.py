@@ -9,7 +9,7 @@ import numpy as np
 from data_gen.jit import jit
 from data_gen.mesh import TEXTURES
 from data_gen.sensors.facades import facade
-from data_gen.sensors.ground_color import ground_color
+from data_gen.sensors.ground_color import ground_colors, is_level_ground
 from data_gen.sensors.noise import band, lattice, octave2, octave3, ramp
 
 (_PLAIN, _ASPHALT, _GRASS, _CONCRETE, _BRICK, _FACADE, _FOLIAGE, _HOARDING, _METAL, _FABRIC, _WOOD, _SLABS, _PAINT,
@@ -171,8 +171,9 @@ def paint(view, rays, pixel, span, hit, surface, ground, yaw, night):
     body, face, distance, local, normal = hit
     albedo, kinds, specular, emission = surface
     ground_faces, raster, cover, tone, origin, resolution, table, ground_kinds = ground
-    rasters = (raster, cover, tone, origin, resolution, table)
     out = np.zeros((len(rays), 5), np.float32)
+    rasters = (raster, cover, tone, origin, resolution, table)
+    ground_colors(view, rays, pixel, span, hit, ground_faces, rasters, out)
     rgb = np.zeros(3, np.float32)
     for i in range(len(rays)):
         if body[i] < -1:
@@ -184,15 +185,10 @@ def paint(view, rays, pixel, span, hit, surface, ground, yaw, night):
         x, y, z = np.float64(p[0]), np.float64(p[1]), np.float64(p[2])  # one type: the noise compiles once
         nx, ny = np.float64(n[0]), np.float64(n[1])
         kind, level = kinds[f], abs(n[2]) > 0.7
-        if body[i] == -1 and f < ground_faces and level:  # the front of a kerb has a colour of its own
-            depth = rays[i, 0] * view[1, 0] + rays[i, 1] * view[1, 1] + rays[i, 2] * view[1, 2]
-            ray = rays[i] / depth
-            ground_color(p, n, view[0], view[2], view[3], ray, span, footprint, slant, rasters, o)
+        if is_level_ground(body[i], f, n[2], ground_faces):
             row, column = int((y - origin[1]) / resolution), int((x - origin[0]) / resolution)
-            if 0 <= row < raster.shape[0] and 0 <= column < raster.shape[1]:
-                kind = ground_kinds[raster[row, column]]
-            else:
-                kind = ground_kinds[0]
+            inside = 0 <= row < raster.shape[0] and 0 <= column < raster.shape[1]
+            kind = ground_kinds[raster[row, column]] if inside else ground_kinds[0]
         else:
             for c in range(3):
                 o[c] = albedo[f, c]

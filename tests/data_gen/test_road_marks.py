@@ -10,7 +10,8 @@ from data_gen.layout import record_layout
 from data_gen.random import stream
 from data_gen.road_marks import crossings, paint_arrows
 from data_gen.road_paint import paint_ground
-from data_gen.sensors.ground_color import ground_color
+from data_gen.scene import WORLD
+from data_gen.sensors.ground_color import ground_colors
 
 
 @pytest.mark.parametrize("slope", [0.0, 0.1, 0.34, 1.0])
@@ -75,13 +76,19 @@ def ground_at(ground: GroundMap, x: float, y: float, pixel: float) -> np.ndarray
     """What a camera one metre above the ground sees straight below it through one pixel, of ``pixel`` metres on the ground."""
     table = np.zeros((len(GROUND_NAMES), 3), np.float32)
     table[GROUND_NAMES.index("white_paint")] = 1.0
-    out = np.zeros(5, np.float32)
+    out = np.zeros((1, 5), np.float32)
+    down, up = np.array([[0.0, 0.0, -1.0]], np.float32), np.array([[0.0, 0.0, 1.0]], np.float32)
+    hit = (
+        np.full(1, WORLD, np.int32),
+        np.zeros(1, np.int32),
+        np.ones(1, np.float32),
+        np.array([[x, y, 0.0]], np.float32),
+        up,
+    )
+    view = np.array([[x, y, 1.0], [0.0, 0.0, -1.0], [pixel, 0.0, 0.0], [0.0, pixel, 0.0]])
     rasters = (ground.material, ground.cover, ground.tone, np.zeros(2), ground.resolution, table)
-    ground_color(
-        np.array([x, y, 0.0]), np.array([0.0, 0.0, 1.0]), np.array([x, y, 1.0]), np.array([pixel, 0.0, 0.0]),
-        np.array([0.0, pixel, 0.0]), np.array([0.0, 0.0, -1.0]), 1.0, pixel, 1.0, rasters, out,
-    )  # fmt: skip
-    return out[:3]
+    ground_colors(view, down, pixel, 1.0, hit, 2, rasters, out)
+    return out[0, :3]
 
 
 def test_close_up_the_edge_of_a_line_runs_straight_through_the_cells():

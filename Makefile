@@ -6,7 +6,7 @@ VENV   ?= .venv
 RUN     = $(VENV)/bin/python
 NAME   ?= demo
 # The demo's training also ends after so many minutes, annealed all the same: for processors slower than the README's.
-MINUTES ?= 10.5
+MINUTES ?= 11
 
 .PHONY: demo test check check-slow lint devkit
 

@@ -53,6 +53,8 @@ def command(config_name: str) -> Callable[[Callable[[DictConfig], Any]], Callabl
 
         def run() -> None:
             os.environ["HYDRA_FULL_ERROR"] = "1"  # Hydra then raises its own errors instead of printing them
+            # and it takes overrides on one side of a flag only: -m goes to the front
+            sys.argv[1:] = sorted(sys.argv[1:], key=lambda arg: arg not in ("-m", "--multirun"))
             try:
                 check_overrides(config_name, sys.argv[1:])
             except UserError as error:

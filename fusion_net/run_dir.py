@@ -22,6 +22,8 @@ def open_run(folder: Path, cfg: DictConfig, *, resume: bool, overwrite: bool, da
     ``data``: fingerprints of the data sets that the run is trained on.
     """
     checkpoint = folder / "checkpoints" / "last.ckpt"
+    if folder.exists() and not folder.is_dir():
+        raise ValueError(f"{folder} is a file, not a run's folder; pass name=ANOTHER")
     if resume:
         if not checkpoint.exists():
             raise ValueError(f"nothing to resume: {checkpoint} does not exist; drop resume=true to start {folder.name}")

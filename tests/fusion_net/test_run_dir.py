@@ -25,6 +25,13 @@ def test_a_run_that_exists_is_not_overwritten(tmp_path):
         open_run(folder, CONFIG, resume=False, overwrite=False)
 
 
+def test_a_file_in_the_place_of_the_folder_is_named(tmp_path):
+    (tmp_path / "a").write_text("notes")
+    with pytest.raises(ValueError, match="is a file"):
+        open_run(tmp_path / "a", CONFIG, resume=False, overwrite=True)
+    assert (tmp_path / "a").read_text() == "notes"
+
+
 def test_resume_needs_a_checkpoint_and_the_same_model(tmp_path):
     folder = open_run(tmp_path / "a", CONFIG, resume=False, overwrite=False)
     with pytest.raises(ValueError, match="nothing to resume"):

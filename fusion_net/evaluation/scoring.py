@@ -17,7 +17,7 @@ from fusion_net.metrics.results import predicted
 from fusion_net.metrics.sample_boxes import SampleBoxes, labelled, to_global
 
 _RANGES = ", ".join(
-    f"{reach:g} m ({', '.join(name for name in CLASSES if CLASS_RANGE[name] == reach)})"
+    f"{reach:g} m ({', '.join(name.replace('_', ' ') for name in CLASSES if CLASS_RANGE[name] == reach)})"
     for reach in sorted(set(CLASS_RANGE.values()))
 )
 FOOTNOTES = (

@@ -14,10 +14,11 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.random_tree import SPLIT, make_results, make_tables, write_tree
+from fusion_net.bev_grid import BEVGrid
 from fusion_net.boxes import CLASSES
 from fusion_net.data.nuscenes import NuScenes
 from fusion_net.evaluation.bootstrap import bootstrap_map, draw_scenes
-from fusion_net.evaluation.scoring import reference_poses, table_order
+from fusion_net.evaluation.scoring import GroundTruth
 from fusion_net.metrics.detection import DetectionMetric, DetectionMetrics
 from fusion_net.metrics.matching import TP_ERRORS
 from fusion_net.metrics.results import read_results
@@ -27,26 +28,23 @@ DEVKIT = Path(__file__).parents[1] / ".venv-devkit/bin/python"
 DEVKIT_ERRORS = ("trans_err", "scale_err", "orient_err", "vel_err", "attr_err")
 TOLERANCE = 1e-6
 RESAMPLES = 200
+GRID = BEVGrid(-51.2, 51.2, -51.2, 51.2, 0.8)  # the official score does not depend on it
 
 
 def ours(root: Path, split: str, results: Path) -> tuple[DetectionMetrics, dict[str, float]]:
     """Our official score of a result file, and seconds: the tree, the boxes, the metric, the bootstrap of its mAP."""
-    metric = DetectionMetric()
-    metric(labelled([]), labelled([]), 0)  # compiles the matcher
+    DetectionMetric()(labelled([]), labelled([]), 0)  # compiles the matcher
     clock = [time.perf_counter()]
     tree = NuScenes(root)
-    samples = table_order([(tree, token) for token in tree.split(split)])
     clock.append(time.perf_counter())
-    tokens, ego = [token for _, token in samples], reference_poses(samples)[:, :2, 3]
-    truth = labelled([tree.annotations(token, CLASSES) for token in tokens])
-    found = read_results(results, tokens=tokens, classes=CLASSES)
-    truth, found = (boxes[boxes.within(ego, metric.label_range)] for boxes in (truth, found))
+    truth = GroundTruth([(tree, token) for token in tree.split(split)], classes=CLASSES, grid=GRID)
+    found = read_results(results, tokens=truth.tokens, classes=CLASSES)
     clock.append(time.perf_counter())
-    matches = metric.match(truth, found, len(tokens))
-    score = metric.summarise(matches)
+    matches = truth.official_matches(found)
+    score = truth.official_metric.summarise(matches)
     clock.append(time.perf_counter())
-    scenes = np.array([tree.scene(token)["token"] for token in tokens])
-    bootstrap_map(metric, matches, draw_scenes(scenes, resamples=RESAMPLES, rng=np.random.default_rng(0)))
+    draws = draw_scenes(truth.scenes, resamples=RESAMPLES, rng=np.random.default_rng(0))
+    bootstrap_map(truth.official_metric, matches, draws)
     clock.append(time.perf_counter())
     names = ("tree", "boxes", "metric", f"bootstrap_{RESAMPLES}")
     return score, dict(zip(names, np.diff(clock).tolist(), strict=True))

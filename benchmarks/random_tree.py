@@ -18,15 +18,19 @@ ATTRIBUTES = (
     "vehicle.moving", "vehicle.parked", "vehicle.stopped", "cycle.with_rider", "cycle.without_rider", "pedestrian.moving",
     "pedestrian.standing",
 )  # fmt: skip
+RACK = "static_object.bicycle_rack"
 SPLIT = "random_val"
 
 
 def make_tables(rng, *, scenes: int, keyframes: int, objects: int, absent: str = "") -> dict[str, list[dict]]:
     """The 13 tables. Objects drive straight on at constant speed; every fifth is seen once (so it has no velocity), some
-    have no points, no attribute or are out of range; ``absent`` names a class without labels."""
+    have no points, no attribute or are out of range; ``absent`` names a class without labels. Half of the bicycles and
+    motorcycles stand in or just outside a bicycle rack."""
     names = ("log", "map", "scene", "sample", "sample_data", "ego_pose", "instance", "sample_annotation")
     tables: dict[str, list[dict]] = {name: [] for name in names}
-    tables["category"] = [{"token": name, "name": name, "description": ""} for name in (*CATEGORIES.values(), "animal")]
+    tables["category"] = [
+        {"token": name, "name": name, "description": ""} for name in (*CATEGORIES.values(), "animal", RACK)
+    ]
     tables["attribute"] = [{"token": name, "name": name, "description": ""} for name in ATTRIBUTES]
     tables["visibility"] = [{"token": str(level), "level": f"v{level}", "description": ""} for level in (1, 2, 3, 4)]
     tables["sensor"] = [{"token": "lidar", "channel": "LIDAR_TOP", "modality": "lidar"}]
@@ -124,15 +128,33 @@ def _add_object(tables, rng, token: str, samples: list[str], index: int, absent:
     seen = samples[:1] if index % 5 == 4 else samples
     position, velocity = np.array([100.0, 80.0]) + rng.uniform(-45, 45, 2), rng.uniform(-8, 8, 2)
     kind = {"pedestrian": "pedestrian", "motorcycle": "cycle", "bicycle": "cycle"}.get(name, "vehicle")
+    if kind == "cycle" and rng.random() < 0.5:
+        velocity = np.zeros(2)
+        _add_rack(tables, rng, f"{token}-rack", samples, [*position, 1.0])
     choices = [a for a in ATTRIBUTES if a.startswith(kind)] if name not in ("traffic_cone", "barrier") else []
     attribute = [str(rng.choice(choices))] if choices and index % 7 else []
-    size, yaw = rng.uniform(0.5, 5, 3).tolist(), rng.uniform(-np.pi, np.pi)
+    centers = [[*(position + velocity * 0.5 * k).tolist(), 1.0] for k in range(len(seen))]
+    size, rotation = rng.uniform(0.5, 5, 3).tolist(), _quaternion(rng.uniform(-np.pi, np.pi))
+    _add_track(tables, rng, token, category, attribute, seen, centers, size, rotation)
+
+
+def _add_rack(tables, rng, token: str, samples: list[str], cycle: list[float]) -> None:
+    """A rack about a cycle's centre, turned and on a slope; a cycle off its middle may be out on any side, above or
+    below."""
+    size, tilt = rng.uniform(1, 4, 3), rng.uniform(-0.2, 0.2, 2)
+    rotation = rng.normal(0, 1, 4) * [1, 0, 0, 1] + [0, *tilt, 0]
+    rotation /= np.linalg.norm(rotation)
+    center = (np.array(cycle) + rng.uniform(-0.6, 0.6, 3) * size).tolist()
+    _add_track(tables, rng, token, RACK, [], samples, [center] * len(samples), size.tolist(), rotation.tolist())
+
+
+def _add_track(tables, rng, token: str, category: str, attribute, seen: list[str], centers, size, rotation) -> None:
+    """An instance and its annotations, one in each of the samples ``seen``."""
     tokens = [f"{token}-{k}" for k in range(len(seen))]
     for k, sample in enumerate(seen):
-        center = [*(position + velocity * 0.5 * k).tolist(), 1.0]
         tables["sample_annotation"].append(
             {"token": tokens[k], "sample_token": sample, "instance_token": token, "visibility_token": "4",
-             "attribute_tokens": attribute, "translation": center, "size": size, "rotation": _quaternion(yaw),
+             "attribute_tokens": attribute, "translation": centers[k], "size": size, "rotation": rotation,
              "num_lidar_pts": int(rng.integers(0, 3)), "num_radar_pts": int(rng.integers(0, 2)),
              "prev": tokens[k - 1] if k else "", "next": tokens[k + 1] if k + 1 < len(seen) else ""}
         )  # fmt: skip

@@ -111,7 +111,7 @@ def test_a_mistake_is_one_line_and_writes_nothing(command, override, answer, tmp
 def test_a_run_is_scored_with_every_subset_and_against_its_decoys(trained):
     code, out, error = run([*EVAL, "run=runs/base", "bootstrap=5", "split=all"], trained)
     assert code == 0, error
-    doc = json.loads((trained / "runs/base/eval/drop_table.json").read_text())
+    doc = json.loads((trained / "runs/base/eval/all/drop_table.json").read_text())
     assert len(doc["rows"]) == 7
     assert all(len(kind["rows"]) == 7 for kind in doc["decoys"])
     assert "AUC" in out
@@ -123,7 +123,7 @@ def test_a_run_is_scored_under_a_fault_beside_its_clean_table(trained):
         [*EVAL, "run=runs/base", "bootstrap=5", "split=all", "fault=lidar_beams", "fault.severity=3"], trained
     )
     assert code == 0, error
-    doc = json.loads((trained / "runs/base/eval/lidar_beams_3/drop_table.json").read_text())
+    doc = json.loads((trained / "runs/base/eval/all/lidar_beams_3/drop_table.json").read_text())
     assert doc["fault"] == {"name": "lidar_beams", "severity": 3}
     code, _, error = run([*EVAL, "run=runs/base", "fault=lidar_beams", "fault.severity=4"], trained)
     assert (code, error.count("\n")) == (1, 1)

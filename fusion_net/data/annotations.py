@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from fusion_net.boxes import CATEGORY_TO_CLASS, CLASSES, Boxes
 
@@ -16,6 +17,8 @@ if TYPE_CHECKING:
 MAX_TIME_DIFF = 1.5
 """Seconds between an instance's annotations beyond which nuScenes knows no velocity; twice that where it is
 centred."""
+RACK = "static_object.bicycle_rack"
+"""The category of bicycle racks, which are no detection class."""
 _CLASS_INDEX = {name: index for index, name in enumerate(CLASSES)}
 
 
@@ -43,6 +46,24 @@ class Annotations:
         return self.num_lidar_pts + self.num_radar_pts
 
 
+@dataclass(frozen=True)
+class BicycleRacks:
+    """M bicycle racks: oriented boxes in the GLOBAL frame that may lean, as their records say."""
+
+    center: NDArray[np.float64]  # (M, 3)
+    wlh: NDArray[np.float64]  # (M, 3)
+    rotation: NDArray[np.float64]  # (M, 4) quaternion (w, x, y, z)
+
+    def __len__(self) -> int:
+        return len(self.center)
+
+    def contain(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """(N,) whether each point (N, 3) of the GLOBAL frame is in a rack, its surface included."""
+        rack_R_global = Rotation.from_quat(self.rotation, scalar_first=True).as_matrix().swapaxes(1, 2)
+        offset = np.einsum("mij,nmj->nmi", rack_R_global, points[:, None] - self.center)
+        return (np.abs(offset) <= self.wlh[:, [1, 0, 2]] / 2).all(axis=2).any(axis=1)
+
+
 class AnnotationTable:
     """Every annotation of a tree, and which rows a sample has. ``label`` of ``everything`` indexes CLASSES, -1 for
     none."""
@@ -52,13 +73,14 @@ class AnnotationTable:
         self._rows_of: dict[str, list[int]] = defaultdict(list)
         for row, record in enumerate(records):
             self._rows_of[record["sample_token"]].append(row)
+        categories = [_category(tree, record) for record in records]
         center = _column(records, "translation", (-1, 3))
         boxes = Boxes.labels(
             center,
             _column(records, "size", (-1, 3)),
             _yaw(_column(records, "rotation", (-1, 4))),
             _velocity(tree, records, center),
-            np.array([_label(tree, record) for record in records], np.int64),
+            np.array([_CLASS_INDEX.get(CATEGORY_TO_CLASS.get(name, ""), -1) for name in categories], np.int64),
         )
         self._everything = Annotations(
             boxes,
@@ -68,6 +90,10 @@ class AnnotationTable:
             np.array([_attribute(tree, record) for record in records], dtype=np.str_),
             np.array([record["instance_token"] for record in records], dtype=np.str_),
         )
+        self._racks_of: dict[str, list[dict]] = defaultdict(list)
+        for record, name in zip(records, categories, strict=True):
+            if name == RACK:
+                self._racks_of[record["sample_token"]].append(record)
 
     def of(self, sample_token: str, classes: Sequence[str]) -> Annotations:
         """The annotations of a sample whose class is one of ``classes``; their ``label`` indexes ``classes``."""
@@ -77,15 +103,23 @@ class AnnotationTable:
         found = self._everything[rows[label >= 0]]
         return replace(found, boxes=replace(found.boxes, label=label[label >= 0]))
 
+    def racks(self, sample_token: str) -> BicycleRacks:
+        """The bicycle racks of a sample."""
+        records = self._racks_of.get(sample_token, [])
+        return BicycleRacks(
+            _column(records, "translation", (-1, 3)),
+            _column(records, "size", (-1, 3)),
+            _column(records, "rotation", (-1, 4)),
+        )
+
 
 def _column(records: list[dict], field: str, shape) -> NDArray[np.float64]:
     return np.array([record[field] for record in records], float).reshape(shape)
 
 
-def _label(tree: "NuScenes", record: dict) -> int:
+def _category(tree: "NuScenes", record: dict) -> str:
     instance = tree.get("instance", record["instance_token"])
-    category = tree.get("category", instance["category_token"])["name"]
-    return _CLASS_INDEX.get(CATEGORY_TO_CLASS.get(category, ""), -1)
+    return tree.get("category", instance["category_token"])["name"]
 
 
 def _attribute(tree: "NuScenes", record: dict) -> str:

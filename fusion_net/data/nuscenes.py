@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from fusion_net.data.annotations import Annotations, AnnotationTable
+from fusion_net.data.annotations import Annotations, AnnotationTable, BicycleRacks
 
 FIELDS = {
     "category": {"name"}, "attribute": {"name"}, "instance": {"category_token"}, "sensor": {"channel", "modality"},
@@ -172,6 +172,10 @@ class NuScenes:
     def annotations(self, sample_token: str, classes: Sequence[str]) -> Annotations:
         """Labelled boxes of the given classes in the GLOBAL frame; their ``label`` indexes ``classes``."""
         return self._annotation_table.of(sample_token, classes)
+
+    def racks(self, sample_token: str) -> BicycleRacks:
+        """Bicycle racks in the GLOBAL frame: nuScenes evaluates no bicycle or motorcycle inside one."""
+        return self._annotation_table.racks(sample_token)
 
     @cached_property
     def _annotation_table(self) -> AnnotationTable:

@@ -10,16 +10,22 @@ from fusion_net.boxes import CLASSES, Boxes
 from fusion_net.data.datamodule import NuScenesDataset
 from fusion_net.data.nuscenes import NuScenes
 from fusion_net.geometry import invert
-from fusion_net.metrics.detection import DetectionMetric, DetectionMetrics
+from fusion_net.metrics.box_filter import BoxFilter
+from fusion_net.metrics.detection import CLASS_RANGE, DetectionMetric, DetectionMetrics
 from fusion_net.metrics.matching import ClassMatches
 from fusion_net.metrics.results import predicted
 from fusion_net.metrics.sample_boxes import SampleBoxes, labelled, to_global
 
+_RANGES = ", ".join(
+    f"{reach:g} m ({', '.join(name.replace('_', ' ') for name in CLASSES if CLASS_RANGE[name] == reach)})"
+    for reach in sorted(set(CLASS_RANGE.values()))
+)
 FOOTNOTES = (
-    "mAP, NDS, errors and AP: over the configured classes; labels and predictions within the class's range of the car"
-    " and on the BEV grid, labels with at least one LiDAR or radar point.",
-    "official: all ten classes all around the car with nuScenes' own ranges and filters, as the devkit computes it; what"
-    " lies off the grid counts as missed.",
+    "mAP, NDS, errors and AP: over the configured classes, for what is on the BEV grid and passes nuScenes' filter.",
+    "official: what the nuScenes devkit computes from results_nusc.json: over all ten classes and all around the car, for what"
+    " passes the filter; a class that has no label or that the model does not know counts 0, a label off the grid is missed.",
+    f"filter: labels and predictions within {_RANGES} of the car; labels with at least one LiDAR or radar point; no bicycle"
+    " or motorcycle in a bicycle rack.",
 )
 
 
@@ -36,9 +42,10 @@ class GroundTruth:
         self.global_T_ego = reference_poses(samples)
         self.scenes = np.array([tree.scene(token)["token"] for tree, token in samples], dtype=np.str_)
         self.metric, self.official_metric = DetectionMetric(classes=self.classes), DetectionMetric()
+        self._filter = BoxFilter(self.global_T_ego[:, :2, 3], [tree.racks(token) for tree, token in samples])
         everything = labelled([tree.annotations(token, CLASSES) for tree, token in samples])
         self.labels = self._on_rig(everything.relabel(CLASSES, self.classes))
-        self.official_labels = everything[self._in_range(everything, self.official_metric)]
+        self.official_labels = everything[self._filter(everything, self.official_metric)]
 
     def table(self, found: Sequence[Boxes]) -> SampleBoxes:
         """Predictions in the ego frame, one entry a token, as one table in the global frame: what a result file holds."""
@@ -48,20 +55,21 @@ class GroundTruth:
         """Who takes whom, over the configured classes."""
         return self.metric.match(self.labels, self._on_rig(found), len(self.tokens))
 
+    def official_matches(self, found: SampleBoxes) -> list[ClassMatches]:
+        """Who takes whom, over nuScenes' ten classes, on the grid or off it."""
+        found = found.relabel(self.classes, CLASSES)
+        found = found[self._filter(found, self.official_metric)]
+        return self.official_metric.match(self.official_labels, found, len(self.tokens))
+
     def official(self, found: SampleBoxes) -> DetectionMetrics:
         """The devkit's score."""
-        found = found.relabel(self.classes, CLASSES)
-        found = found[self._in_range(found, self.official_metric)]
-        return self.official_metric(self.official_labels, found, len(self.tokens))
-
-    def _in_range(self, boxes: SampleBoxes, metric: DetectionMetric) -> NDArray[np.bool_]:
-        return boxes.within(self.global_T_ego[:, :2, 3], metric.label_range)
+        return self.official_metric.summarise(self.official_matches(found))
 
     def _on_rig(self, boxes: SampleBoxes) -> SampleBoxes:
-        """Boxes in range whose centre is on the grid."""
+        """Boxes that nuScenes counts and whose centre is on the grid."""
         ego_T_global = invert(self.global_T_ego)[boxes.sample]
         center = np.einsum("nij,nj->ni", ego_T_global[:, :3, :3], boxes.boxes.center) + ego_T_global[:, :3, 3]
-        return boxes[self._in_range(boxes, self.metric) & self.grid.contains(center[:, :2])]
+        return boxes[self._filter(boxes, self.metric) & self.grid.contains(center[:, :2])]
 
 
 def ground_truth(dataset: NuScenesDataset) -> GroundTruth:

@@ -34,12 +34,6 @@ class SampleBoxes:
         kept = self[label >= 0]
         return replace(kept, boxes=replace(kept.boxes, label=label[label >= 0]))
 
-    def within(self, ego_xy: NDArray[np.float64], label_range: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """(N,) nuScenes' filter: nearer to the car at ``ego_xy`` (S, 2) than the class's range (K,), and not without
-        points. (The devkit also drops cycles inside ``static_object.bicycle_rack`` boxes; generated trees have none.)"""
-        distance = np.sqrt(((self.boxes.center[:, :2] - ego_xy[self.sample]) ** 2).sum(axis=1))
-        return (distance < label_range[self.boxes.label]) & (self.num_pts != 0)
-
 
 def stack(per_sample: Sequence[Boxes], attributes: Sequence[NDArray], num_pts: Sequence[NDArray]) -> SampleBoxes:
     """One table of the boxes of S samples, with the attribute names and point counts of each."""

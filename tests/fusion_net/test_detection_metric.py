@@ -1,6 +1,7 @@
 """The metric against numbers made by hand, and against those of the official devkit."""
 
 import json
+import os
 import subprocess
 from dataclasses import replace
 from pathlib import Path
@@ -10,18 +11,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchmarks.random_tree import SPLIT, make_results, make_tables, write_tree
+from benchmarks.random_tree import RACK, SPLIT, make_results, make_tables, write_tree
+from fusion_net.bev_grid import BEVGrid
 from fusion_net.boxes import CLASSES, Boxes
 from fusion_net.data.nuscenes import NuScenes
-from fusion_net.evaluation.scoring import reference_poses, table_order
+from fusion_net.evaluation.scoring import GroundTruth
 from fusion_net.metrics.detection import DetectionMetric
 from fusion_net.metrics.matching import TP_ERRORS
 from fusion_net.metrics.results import read_results
-from fusion_net.metrics.sample_boxes import SampleBoxes, labelled, to_global
+from fusion_net.metrics.sample_boxes import SampleBoxes, to_global
 
 ROOT = Path(__file__).parents[2]
 GOLDEN = ROOT / "tests/fusion_net/golden/detection_metric.json"
 DEVKIT = ROOT / ".venv-devkit/bin/python"
+needs_devkit = pytest.mark.skipif(not DEVKIT.exists(), reason="no .venv-devkit; make it with tools/devkit/setup.sh")
 DEVKIT_ERRORS = dict(zip(TP_ERRORS, ("trans_err", "scale_err", "orient_err", "vel_err", "attr_err"), strict=True))
 
 
@@ -50,13 +53,9 @@ def one_class(name="car", **settings):
 def devkit_like(root: Path, results: Path):
     """Our official score of a result file over all samples of a tree."""
     tree = NuScenes(root)
-    samples = table_order([(tree, token) for token in tree.split(SPLIT)])
-    tokens = [token for _, token in samples]
-    metric, ego = DetectionMetric(), reference_poses(samples)[:, :2, 3]
-    truth = labelled([tree.annotations(token, CLASSES) for token in tokens])
-    found = read_results(results, tokens=tokens, classes=CLASSES)
-    truth, found = truth[truth.within(ego, metric.label_range)], found[found.within(ego, metric.label_range)]
-    return metric(truth, found, len(tokens))
+    grid = BEVGrid(-8.0, 16.0, 0.0, 12.0, 0.8)  # the official score looks beyond
+    truth = GroundTruth([(tree, token) for token in tree.split(SPLIT)], classes=CLASSES, grid=grid)
+    return truth.official(read_results(results, tokens=truth.tokens, classes=CLASSES))
 
 
 def assert_same_as_devkit(ours, summary):
@@ -78,8 +77,36 @@ def test_golden_devkit_values(tmp_path):
     assert 0.05 < ours.mAP < 0.95, "the golden case should be neither empty nor perfect"
 
 
+def test_without_its_racks_the_golden_case_scores_otherwise(tmp_path):
+    """Or else it would not test them."""
+    golden = json.loads(GOLDEN.read_text())
+    racks = {row["token"] for row in golden["tables"]["instance"] if row["category_token"] == RACK}
+    kept = [row for row in golden["tables"]["sample_annotation"] if row["instance_token"] not in racks]
+    assert len(kept) < len(golden["tables"]["sample_annotation"]) - 10
+    write_tree(tmp_path, golden["tables"] | {"sample_annotation": kept})
+    (tmp_path / "results.json").write_text(json.dumps(golden["results"]))
+    assert abs(devkit_like(tmp_path, tmp_path / "results.json").mAP - golden["summary"]["mean_ap"]) > 1e-4
+
+
+def test_golden_numbers_are_rounded_so_that_every_processor_writes_the_same():
+    numbers = []
+    json.loads(GOLDEN.read_text(), parse_float=numbers.append)
+    assert all(float(text) == round(float(text), 9) for text in numbers)
+
+
+@needs_devkit
 @pytest.mark.slow
-@pytest.mark.skipif(not DEVKIT.exists(), reason="no .venv-devkit; make it with tools/devkit/setup.sh")
+@pytest.mark.parametrize("core", ["", "Nehalem"])
+def test_the_golden_file_is_what_its_script_writes(tmp_path, core):
+    """With the processor's own vector instructions, and with those of 2008."""
+    environment = os.environ | {"PYTHONPATH": str(ROOT)} | ({"OPENBLAS_CORETYPE": core} if core else {})
+    command = [DEVKIT, ROOT / "tools/devkit/make_golden.py", tmp_path / "golden.json"]
+    subprocess.run([*map(str, command)], check=True, capture_output=True, env=environment)
+    assert (tmp_path / "golden.json").read_bytes() == GOLDEN.read_bytes()
+
+
+@needs_devkit
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_live_devkit(tmp_path, seed):
     rng = np.random.default_rng(seed)
@@ -165,15 +192,6 @@ def test_without_predictions_or_labels():
         score = one_class()(truth, found, 1)
         assert (score.mAP, score.NDS) == (0, 0)
         np.testing.assert_array_equal(score.errors, 1)
-
-
-def test_filter_keeps_what_is_near_and_was_seen():
-    metric = DetectionMetric(classes=["car", "barrier"])
-    boxes = table([(149.9, 50), (150.0, 50), (129.9, 50), (130, 50)], label=[0, 0, 1, 1])
-    np.testing.assert_array_equal(
-        boxes.within(np.array([[100.0, 50.0]]), metric.label_range), [True, False, True, False]
-    )
-    assert not table([(0, 0)], num_pts=0).within(np.zeros((1, 2)), metric.label_range).any()
 
 
 def test_relabel_drops_other_classes():

@@ -61,6 +61,13 @@ def test_text_is_aligned(doc):
     assert max(len(line) for block in blocks[1:3] for line in block.splitlines()) <= 160
 
 
+def test_notes_say_what_the_official_score_counts(doc):
+    notes = " ".join(doc["notes"])
+    for words in ("all ten classes", "all around the car", "30 m (traffic cone, barrier)", "at least one LiDAR or radar point",
+                  "bicycle rack", "a label off the grid is missed"):  # fmt: skip
+        assert words in notes
+
+
 def test_markdown_rows_have_equal_cells(doc):
     for block in as_markdown(doc).split("\n\n")[1:3]:
         lines = block.splitlines()

@@ -1,0 +1,104 @@
+"""``eval.py`` on a small run: which split it scores, where its results go, and what it does without labels."""
+
+import json
+from pathlib import Path
+
+import pytest
+import torch
+from hydra import compose, initialize_config_dir
+from training_setup import settings, write_data
+
+from fusion_net.cli import CONFIGS, build
+from fusion_net.evaluation.evaluate import evaluate_run
+from fusion_net.run_dir import open_run
+
+SPLITS = {"train": ["scene-0000"], "mini_val": ["scene-0001"], "holdout": ["scene-0002"], "test": ["scene-0003"]}
+
+
+def write_labelled_data(root):
+    """Four scenes in the splits above; that of ``test`` has no labels."""
+    tables = write_data(root) / "v1.0-tiny"
+    (tables / "splits.json").write_text(json.dumps(SPLITS))
+    annotations = json.loads((tables / "sample_annotation.json").read_text())
+    kept = [row for row in annotations if not row["sample_token"].startswith("scene-0003")]
+    (tables / "sample_annotation.json").write_text(json.dumps(kept))
+    return root
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory):
+    return write_labelled_data(tmp_path_factory.mktemp("data") / "tree")
+
+
+@pytest.fixture
+def run(data, tmp_path, monkeypatch):
+    """runs/mini of an untrained network that validates on mini_val."""
+    monkeypatch.chdir(tmp_path)
+    cfg = settings(data, "reader.val.split=mini_val", "encoders=[lidar]")
+    folder = open_run(Path("runs/mini"), cfg, resume=False, overwrite=False)
+    weights = {f"model.{name}": value for name, value in build(cfg.model, "model").state_dict().items()}
+    for name in ("best", "last"):
+        torch.save({"state_dict": weights}, folder / "checkpoints" / f"{name}.ckpt")
+    return folder
+
+
+def evaluate(*overrides):
+    with initialize_config_dir(str(CONFIGS), version_base="1.3"):
+        evaluate_run(compose("eval", overrides=["run=runs/mini", "bootstrap=2", *overrides]))
+
+
+def tables(run):
+    """Split and number of samples of every drop table under the run, by folder."""
+    docs = {path.parent: json.loads(path.read_text()) for path in (run / "eval").rglob("drop_table.json")}
+    return {str(path.relative_to(run)): (doc["split"], doc["num_samples"]) for path, doc in docs.items()}
+
+
+def test_the_split_is_the_one_that_the_run_validated_on_unless_another_is_named(run, data):
+    evaluate()
+    assert tables(run) == {"eval": ("mini_val", 3)}
+    evaluate("split=val", f"data.root={data}")  # the same split and data by other names
+    assert tables(run) == {"eval": ("val", 3)}
+    own = (run / "eval/drop_table.json").read_bytes()
+    evaluate("split=holdout")
+    evaluate("checkpoint=last", "fault=lidar_beams", "fault.severity=2")
+    assert set(tables(run)) == {"eval", "eval/holdout", "eval/last/lidar_beams_2"}
+    assert (run / "eval/drop_table.json").read_bytes() == own
+
+
+def test_a_split_without_labels_gets_a_result_file_and_no_table(run, capsys):
+    evaluate()
+    own = {path: path.read_bytes() for path in (run / "eval").iterdir()}
+    capsys.readouterr()
+    evaluate("split=test")
+    said = capsys.readouterr().out.splitlines()[-1]
+    assert "split=test of" in said
+    assert said.endswith("nothing to score against, it has no labels; wrote runs/mini/eval/test/results_nusc.json")
+    assert [path.name for path in (run / "eval/test").iterdir()] == ["results_nusc.json"]
+    results = json.loads((run / "eval/test/results_nusc.json").read_text())["results"]
+    assert list(results) == [f"scene-0003-{k}" for k in range(3)]
+    assert {path: path.read_bytes() for path in own} == own
+
+
+def test_labels_that_nothing_saw_are_nothing_to_score_against(run, tmp_path, capsys):
+    root = write_labelled_data(tmp_path / "unseen")
+    path = root / "v1.0-tiny/sample_annotation.json"
+    path.write_text(json.dumps([row | {"num_lidar_pts": 0} for row in json.loads(path.read_text())]))
+    evaluate(f"data.root={root}")
+    assert "none of its 9 labels is on the grid and in range and has a LiDAR or radar point" in capsys.readouterr().out
+    assert tables(run) == {}
+
+
+def test_data_of_the_same_name_elsewhere_has_a_folder_of_its_own(run, tmp_path):
+    for place in ("a", "b"):
+        write_labelled_data(tmp_path / place / "tree")
+        evaluate(f"data.root={place}/tree")
+    evaluate("data.root=[a/tree]", "split=holdout")
+    assert set(tables(run)) == {"eval/mini_val@a-tree", "eval/mini_val@b-tree", "eval/holdout@a-tree"}
+
+
+def test_the_runs_own_data_by_name_is_refused_when_it_was_made_anew(run, data):
+    env = run / "env.json"
+    env.write_text(json.dumps(json.loads(env.read_text()) | {"data": ["f" * 64]}))
+    with pytest.raises(ValueError, match="the data is no longer that which runs/mini was trained on"):
+        evaluate(f"data.root={data}")
+    assert not (run / "eval").exists()

@@ -7,6 +7,7 @@ record file when all of it is on disk: a scene is there or it is not, whoever wr
 import hashlib
 import json
 import math
+from datetime import UTC, datetime
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -122,8 +123,9 @@ class _SceneWriter:
             mask * np.uint8(255),
             [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_NONE],
         )
+        date = datetime.fromtimestamp(self.start / 1e6, UTC).date().isoformat()
         self.rows["log"].append(
-            {"token": token(self.log), "logfile": self.log, "vehicle": self.rig.name, "date_captured": "2026-01-01",
+            {"token": token(self.log), "logfile": self.log, "vehicle": self.rig.name, "date_captured": date,
              "location": f"{self.layout}-{self.scene.name}"}  # a place of its own: each has its own map
         )  # fmt: skip
         self.rows["map"].append(

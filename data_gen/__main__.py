@@ -1,7 +1,7 @@
 """``python -m data_gen data=nano``: generates a data set in the nuScenes format."""
 
-import shlex
 import sys
+from pathlib import Path
 from typing import Any, cast
 
 from omegaconf import DictConfig, OmegaConf
@@ -13,6 +13,7 @@ from fusion_net.cli import build, command
 def main(cfg: DictConfig) -> None:
     """Generates ``cfg.data`` with ``cfg.rig``, ``cfg.scenario``, ``cfg.condition`` and ``cfg.fault``."""
     from data_gen.generate import Job, generate
+    from data_gen.manifest import without_place
     from data_gen.shard import Shard
 
     data = build(cfg.data, "data")
@@ -25,16 +26,18 @@ def main(cfg: DictConfig) -> None:
         seed=cfg.seed,
     )
     settings = cast(dict[str, Any], OmegaConf.to_container(cfg, resolve=True))
+    shard = None if cfg.shard is None else Shard.parse(str(cfg.shard))
     manifest = generate(
         job,
         settings=settings,
         workers=cfg.workers,
-        shard=None if cfg.shard is None else Shard.parse(str(cfg.shard)),
-        command=shlex.join(["python", "-m", "data_gen", *sys.argv[1:]]),
+        shard=shard,
+        command=without_place(["python", "-m", "data_gen", *sys.argv[1:]]),
     )
     counts = manifest["counts"]
+    root = shard.folder(Path(data.root)) if shard else data.root
     print(
-        f"{manifest['data']['root']}: {counts['scene']} scenes, {counts['sample']} keyframes,"
+        f"{root}: {counts['scene']} scenes, {counts['sample']} keyframes,"
         f" {counts['sample_annotation']} boxes; manifest {manifest['hash'][:12]}"
     )
 

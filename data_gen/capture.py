@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from data_gen.faults import SceneFaults
 from data_gen.random import stream
 from data_gen.rig import Camera, Lidar, Mount, Rig
+from data_gen.rig_checks import MAX_JITTER
 from data_gen.scene import Scene
 from data_gen.sensors.camera import CameraFrame, render_camera
 from data_gen.sensors.lidar import LidarSweep, scan_lidar
@@ -18,9 +19,6 @@ from fusion_net.data.faults import SensorFaults
 from fusion_net.data.nuscenes import REFERENCE
 
 Data = CameraFrame | LidarSweep | RadarScan
-
-MAX_JITTER = 0.4
-"""Share of the period that a firing is at most early or late, so that none overtakes the next."""
 
 
 @dataclass(frozen=True)
@@ -49,16 +47,21 @@ class Firing(Shot):
 
 
 def keyframe_times(rig: Rig, count: int, *, seed: int = 0) -> NDArray[np.float64]:
-    """Seconds of the keyframes: ends of LiDAR sweeps (or whole periods, without a LiDAR) with room for the sweeps before."""
-    channel = REFERENCE if REFERENCE in rig.lidars else next(iter(rig.lidars), "")
-    clock = rig.lidars.get(channel)
-    rate, phase = (clock.rate, clock.phase) if clock else (rig.keyframe_rate, 0.0)
-    lead = max((rig.sweeps.get(rig.modalities[c], 0) + 1) / m.rate + m.phase for c, m in rig.sensors.items())
-    first = phase + math.ceil((lead - phase) * rate - 1e-9) / rate
-    nominal = first + np.arange(count) / rig.keyframe_rate
-    if clock is None or not clock.jitter:
-        return nominal
-    return np.array([firing_time(clock, round((t - phase) * rate), channel=channel, seed=seed) for t in nominal])
+    """Seconds (count,) of the keyframes: ends of LIDAR_TOP's turns, with room for the sweeps before the first."""
+    return np.array([_keyframe_time(rig, index, seed=seed) for index in range(count)])
+
+
+def _keyframe_time(rig: Rig, index: int, *, seed: int) -> float:
+    """That of keyframe ``index``; -1 would come before the first."""
+    clock, lead = rig.lidars[REFERENCE], 0.0
+    for channel, mount in rig.sensors.items():
+        past = rig.past_firings(channel)
+        seconds = past / mount.rate if isinstance(past, int) else 1 / rig.keyframe_rate
+        early = 0.0 if mount is clock else MAX_JITTER * clock.jitter
+        lead = max(lead, seconds + 1 / mount.rate + mount.phase + early)
+    first = math.ceil((lead - clock.phase) * clock.rate - 1e-9)
+    turns = round(clock.rate / rig.keyframe_rate)
+    return firing_time(clock, first + index * turns, channel=REFERENCE, seed=seed)
 
 
 def firing_time(mount: Mount, number: int, *, channel: str, seed: int) -> float:
@@ -67,14 +70,36 @@ def firing_time(mount: Mount, number: int, *, channel: str, seed: int) -> float:
     if not mount.jitter:
         return nominal
     late = stream(seed, channel, number, "jitter").normal(0.0, mount.jitter)
-    return nominal + float(np.clip(late, -MAX_JITTER / mount.rate, MAX_JITTER / mount.rate))
+    return nominal + float(np.clip(late, -MAX_JITTER * mount.jitter, MAX_JITTER * mount.jitter))
 
 
-def firing_times(mount: Mount, t: float, sweeps: int, *, channel: str = "", seed: int = 0) -> list[float]:
-    """The last ``sweeps`` + 1 firings of a sensor at or before ``t``, oldest first."""
-    last = math.floor((t - mount.phase) * mount.rate + 1e-6) + (mount.jitter > 0)
-    times = [firing_time(mount, last - back, channel=channel, seed=seed) for back in range(sweeps + 2, -1, -1)]
-    return [time for time in times if time <= t + 1e-6 / mount.rate][-sweeps - 1 :]
+def last_firing(mount: Mount, t: float, *, channel: str, seed: int) -> int:
+    """The number of a sensor's last firing at or before ``t``."""
+    limit = t + 1e-9  # one at t counts, however its time was rounded
+    number = math.floor((limit - mount.phase) * mount.rate) + (mount.jitter > 0)
+    while firing_time(mount, number, channel=channel, seed=seed) > limit:
+        number -= 1
+    return number
+
+
+def firings_due(rig: Rig, keyframes: int, *, seed: int) -> Iterator[dict[str, range]]:
+    """For each keyframe, by channel, the numbers of the firings that are written with it; the last is the keyframe's own.
+
+    Firings are counted, not timed, so that no jitter loses one or gives it to two keyframes.
+    """
+    before = _keyframe_time(rig, -1, seed=seed)
+    written: dict[str, int] = {}
+    for t in keyframe_times(rig, keyframes, seed=seed).tolist():
+        due = {}
+        for channel, mount in rig.sensors.items():
+            last = last_firing(mount, t, channel=channel, seed=seed)
+            past = rig.past_firings(channel)
+            oldest = (
+                last - past if isinstance(past, int) else last_firing(mount, before, channel=channel, seed=seed) + 1
+            )
+            due[channel] = range(max(oldest, written.get(channel, -1) + 1), last + 1)
+            written[channel] = last
+        yield due
 
 
 def capture(
@@ -84,22 +109,17 @@ def capture(
 
     Of a dead sensor only keyframes come: what it would have seen there is what is labelled.
     """
-    written: dict[str, float] = {}
-    times = keyframe_times(rig, keyframes, seed=seed)
-    for index, t_key in enumerate(times):
+    start = _keyframe_time(rig, 0, seed=seed)
+    for index, due in enumerate(firings_due(rig, keyframes, seed=seed)):
         shots: list[Shot] = []
-        for channel, mount in rig.sensors.items():
-            suffers = faults.on(channel, index) if faults else SensorFaults()
-            due = firing_times(mount, t_key, rig.sweeps.get(rig.modalities[channel], 0), channel=channel, seed=seed)
-            for t in due:
-                if t <= written.get(channel, -math.inf) + 1e-9 or (suffers.dead and t < due[-1]):
-                    continue
-                late = suffers.late_firings
-                noise = firing_times(mount, t, late, channel=channel, seed=seed)[0] if late else t
-                true_time = noise - suffers.clock_error(noise - times[0])
+        for channel, numbers in due.items():
+            mount, suffers = rig.sensors[channel], faults.on(channel, index) if faults else SensorFaults()
+            for number in numbers[-1:] if suffers.dead else numbers:
+                t = firing_time(mount, number, channel=channel, seed=seed)
+                noise = firing_time(mount, number - suffers.late_firings, channel=channel, seed=seed)
+                true_time = noise - suffers.clock_error(noise - start)
                 true_mount = suffers.true_mount(mount.ego_T_sensor)
-                shots.append(Shot(channel, t, noise, true_time, true_mount, index, t == due[-1], suffers))
-            written[channel] = due[-1]
+                shots.append(Shot(channel, t, noise, true_time, true_mount, index, number == numbers[-1], suffers))
         for shot, data in zip(shots, _readings(scene, rig, shots, seed), strict=True):
             yield Firing(**vars(shot), data=data)
 

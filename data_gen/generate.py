@@ -106,7 +106,7 @@ def generate(
     job: Job, *, settings: dict[str, Any], workers: int | None = None, shard: Shard | None = None, command: str = ""
 ) -> dict[str, Any]:
     """Makes every scene that is missing, then the tables; of a shard, its own scenes in its own folder. ``settings`` are the
-    resolved ones, for the manifest, and ``command`` is what to type again if it is interrupted.
+    resolved ones, for the manifest, and ``command``, but for ``data.root``, is what to type again if it is interrupted.
 
     Returns the manifest. Raises ValueError when the folder holds something else, OSError when the disk does not take it.
     """
@@ -160,7 +160,8 @@ def _manifest(job: Job, settings: dict[str, Any], shard: Shard | None, command: 
     content = {key: value for key, value in settings.items() if key not in ("data", "workers", "shard")}
     content |= {name: getattr(job.data, name) for name in ("name", "keyframes", "split_weights")}
     share = asdict(shard) if shard else None
-    return make_manifest(content, num_scenes=job.data.num_scenes, data=asdict(job.data), shard=share, command=command)
+    data = {name: value for name, value in asdict(job.data).items() if name != "root"}
+    return make_manifest(content, data=data, shard=share, command=command)
 
 
 def _is_finished(record: Path) -> bool:

@@ -3,6 +3,8 @@
 import fcntl
 import hashlib
 import json
+import re
+import shlex
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -11,7 +13,7 @@ from typing import Any
 
 from fusion_net.settings import differences
 
-FORMAT = 2
+FORMAT = 3
 """Raised when the same settings give other bytes than before: old folders are then not continued."""
 OWN = {".lock", "manifest.json.part"}
 """What lies in a folder in which a generator stopped before it wrote the manifest."""
@@ -21,9 +23,15 @@ ROOM = 50 * 2**20
 
 def make_manifest(settings: dict[str, Any], **about: Any) -> dict[str, Any]:
     """The manifest of a data set that is not finished. ``settings`` are those that its bytes depend on: their hash names
-    it, and all its shards. ``about`` is whatever else to keep."""
+    it, and all its shards. ``about`` is whatever else to keep: nothing that tells one folder of these settings from
+    another."""
     digest = hashlib.sha256(json.dumps([FORMAT, settings], sort_keys=True).encode()).hexdigest()
     return {"format": FORMAT, "hash": digest, "complete": False, **about, "settings": settings}
+
+
+def without_place(command: list[str]) -> str:
+    """A command line without the folder and the number of processes, on which no byte of the data depends."""
+    return shlex.join(word for word in command if not re.match(r"\+*(data\.root|workers)=", word))
 
 
 def check_folder(root: Path, manifest: dict[str, Any]) -> None:

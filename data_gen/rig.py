@@ -104,15 +104,15 @@ class Radar(Mount):
 @beartype
 @dataclass(frozen=True, kw_only=True)
 class Rig:
-    """All sensors by nuScenes channel name. ``keyframe_rate`` Hz; ``sweeps`` how many firings of the modality before each
-    keyframe are written (0: the keyframe's only)."""
+    """All sensors by nuScenes channel name. ``keyframe_rate`` Hz; ``sweeps`` by modality how many firings before each
+    keyframe's are written (0, if not named: none), or ``all`` since the keyframe before."""
 
     name: str
     cameras: dict[str, Camera]
     lidars: dict[str, Lidar]
     radars: dict[str, Radar]
     keyframe_rate: float = 2.0
-    sweeps: dict[str, int] = field(default_factory=dict)
+    sweeps: dict[str, int | str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         check_rig(self)
@@ -126,3 +126,7 @@ class Rig:
     def modalities(self) -> dict[str, str]:
         """The modality of every channel."""
         return {c: "camera" if c in self.cameras else "lidar" if c in self.lidars else "radar" for c in self.sensors}
+
+    def past_firings(self, channel: str) -> int | str:
+        """The modality's number in ``sweeps``, or ALL."""
+        return self.sweeps.get(self.modalities[channel], 0)

@@ -24,6 +24,10 @@ HFOV_DEG, LARGEST = (1.0, 170.0), 8192
 """Horizontal fields of view in degrees that a pinhole has; most pixels of an image's side."""
 COLUMN = 32 * 1.44e-6
 """Seconds that the LiDAR takes for a column of its 32 beams, recharging included (HDL-32E manual: 46.08 us)."""
+ALL = "all"
+"""In the place of a number of sweeps: every firing since the keyframe before."""
+MAX_JITTER = 4.0
+"""Standard deviations, each a tenth of a period at most, that a firing is at most early or late: none overtakes another."""
 EPISODE_LEAD = 1.0
 """Seconds that an episode has before its keyframes, for the sweeps that come before the first."""
 PREFIX = {"cameras": "CAM_", "lidars": "LIDAR_", "radars": "RADAR_"}
@@ -96,8 +100,6 @@ def _of_mount(group: str, mount: "Mount", keyframe_rate: float) -> Iterator[Prob
         most = 0.1 / mount.rate
         nearest = most if mount.jitter > most else 0.0
         yield Problem("jitter", mount.jitter, f"s is not within a tenth of a period, [0, {most:.4g}]", nearest)
-    elif not 0 <= mount.jitter <= 0.1 / mount.rate:
-        yield Problem("jitter", mount.jitter, "s is not within [0, a tenth of a period]", round(0.1 / mount.rate, 5))
     yield from {"cameras": _of_camera, "lidars": _of_lidar, "radars": _of_radar}[group](mount)  # type: ignore[operator]
 
 
@@ -195,11 +197,37 @@ def _timing(rig: "Rig") -> Iterator[Problem]:
         if group not in PREFIX:
             yield Problem(f"sweeps.{modality}", count, "is no modality; there are camera, lidar, radar", None)
             return
-        slowest = min((mount.rate for mount in getattr(rig, group).values()), default=math.inf)
-        most = int((EPISODE_LEAD - 1 / clock.rate) * slowest) - 1 if math.isfinite(slowest) else count
-        if not 0 <= count <= most:
-            why = f"is not a number of firings within the {EPISODE_LEAD:g} s before the first keyframe"
-            yield Problem(f"sweeps.{modality}", count, why, min(max(count, 0), max(most, 0)))
+        if isinstance(count, str) and count != ALL:
+            yield Problem(f"sweeps.{modality}", count, f"is neither a number of firings nor {ALL}", ALL)
+            return
+        slowest = min((mount.rate for mount in getattr(rig, group).values()), default=1e9)
+        most = int((EPISODE_LEAD - 1 / clock.rate) * slowest) - 1
+        why = f"within the {EPISODE_LEAD:g} s before the first keyframe"
+        if isinstance(count, str):
+            if most < 0:
+                yield Problem(f"sweeps.{modality}", count, f"does not fit {why}", 0)
+        elif not 0 <= count <= max(most, 0):
+            yield Problem(
+                f"sweeps.{modality}", count, f"is not a number of firings {why}", min(max(count, 0), max(most, 0))
+            )
+    yield from _unread_keyframes(rig)
+
+
+def _unread_keyframes(rig: "Rig") -> Iterator[Problem]:
+    """Sensors so slow and so irregular that none of their firings may lie between two keyframes."""
+    clock = rig.lidars[CLOCK]
+    shortest = 1 / rig.keyframe_rate - 2 * MAX_JITTER * clock.jitter
+    for channel, mount in rig.sensors.items():
+        longest = 1 / mount.rate + 2 * MAX_JITTER * mount.jitter
+        if mount is clock or longest <= shortest * (1 + 1e-6):
+            continue
+        key = f"{next(group for group in PREFIX if channel in getattr(rig, group))}.{channel}"
+        why = f"leaves keyframes without a reading: its firings are up to {longest:.4g} s apart, keyframes {shortest:.4g} s"
+        steadiest = (shortest - 1 / mount.rate) / (2 * MAX_JITTER)
+        if steadiest >= 0:
+            yield Problem(f"{key}.jitter", mount.jitter, f"s {why}", math.floor(steadiest * 1e6 + 1e-3) / 1e6)
+        else:
+            yield Problem(f"{key}.rate", mount.rate, f"Hz {why}", math.ceil(1e4 / shortest - 1e-3) / 1e4)
 
 
 def _text(value: object) -> str:

@@ -7,6 +7,7 @@ record file when all of it is on disk: a scene is there or it is not, whoever wr
 import hashlib
 import json
 import math
+from datetime import UTC, datetime
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -78,13 +79,13 @@ class _SceneWriter:
     def run(self, keyframes: int, seed: int, plan: FaultPlan) -> dict[str, list[Row]]:
         times = keyframe_times(self.rig, keyframes, seed=seed)
         samples = [token(self.log, "sample", k) for k in range(keyframes)]
-        seen = [Seen(len(self.scene.actors)) for _ in range(keyframes)]
+        seen = [Seen(self.scene, t) for t in times.tolist()]
         self._log_and_map()
         faults = SceneFaults(plan, self.rig.modalities, token(self.log, "scene"), samples)
         for firing in capture(self.scene, self.rig, keyframes=keyframes, seed=seed, faults=faults):
             self._sample_data(firing, samples[firing.keyframe])
             if firing.is_keyframe:
-                seen[firing.keyframe].add(firing.data)
+                seen[firing.keyframe].add(firing)
         self._link_sample_data()
         for k, sample in enumerate(samples):
             neighbours = {"prev": samples[k - 1] if k else "", "next": samples[k + 1] if k + 1 < keyframes else ""}
@@ -122,8 +123,9 @@ class _SceneWriter:
             mask * np.uint8(255),
             [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_NONE],
         )
+        date = datetime.fromtimestamp(self.start / 1e6, UTC).date().isoformat()
         self.rows["log"].append(
-            {"token": token(self.log), "logfile": self.log, "vehicle": self.rig.name, "date_captured": "2026-01-01",
+            {"token": token(self.log), "logfile": self.log, "vehicle": self.rig.name, "date_captured": date,
              "location": f"{self.layout}-{self.scene.name}"}  # a place of its own: each has its own map
         )  # fmt: skip
         self.rows["map"].append(
@@ -219,6 +221,8 @@ class _SceneWriter:
                         "next": keys[place + 1] if place + 1 < len(near) else "",
                         "num_lidar_pts": int(seen[k].lidar_points[index]),
                         "num_radar_pts": int(seen[k].radar_points[index]),
+                        "num_lidar_echoes": int(seen[k].lidar_echoes[index]),
+                        "num_radar_echoes": int(seen[k].radar_echoes[index]),
                         "velocity": velocity[k][:2].tolist(),  # exact; the official one is by finite differences
                         "imitates": actor.asset.imitates,
                     }

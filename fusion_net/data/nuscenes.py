@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from fusion_net.data.annotations import Annotations, AnnotationTable, BicycleRacks
+from fusion_net.data.origin import generating_command
 
 FIELDS = {
     "category": {"name"}, "attribute": {"name"}, "instance": {"category_token"}, "sensor": {"channel", "modality"},
@@ -188,7 +189,7 @@ def _version_folder(root: Path) -> Path:
         raise ValueError(f"no data in {root}; make some: python -m data_gen data=nano data.root={root}")
     manifest = _manifest(root)
     if not manifest.get("complete", True):
-        command = manifest.get("command") or "give the command that made it again"
+        command = generating_command(root, manifest) or "give the command that made it again"
         raise ValueError(f"{root} is half generated; this goes on where it stopped: {command}")
     found = sorted(path for path in root.glob("v1.0-*") if path.is_dir())
     if len(found) != 1:

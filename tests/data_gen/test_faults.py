@@ -1,5 +1,7 @@
 """Faults written at generation, and the same ones on the fly on a clean tree of the same world."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from box_world import at, box, car, path, reflectors, scene
@@ -291,3 +293,17 @@ def test_jitter_is_in_the_true_and_in_the_reported_time(make):
     assert 1000 < off_beat.std() < 3500
     assert len(set(stamps)) == len(stamps) == 6 * KEYFRAMES
     assert stamps == sorted(stamps)
+
+
+def test_of_a_radar_that_comes_back_to_life_every_scan_since_is_there_and_none_from_before(make):
+    rig = replace(RIG, sweeps={"radar": "all"}, cameras={})
+    tree = make(Fault(sensors=["RADAR_LEFT"], effect=Dead(), probability=0.5, per="sample"), rig=rig)
+    samples = tree.split("all")
+    scans = {channel: {token: [] for token in samples} for channel in rig.radars}
+    for record in tree.tables["sample_data"].values():
+        if tree.channel(record) in scans:
+            scans[tree.channel(record)][record["sample_token"]].append(record["timestamp"])
+    assert [len(found) for found in scans["RADAR_FRONT"].values()] == [10] * KEYFRAMES
+    assert {len(found) for found in scans["RADAR_LEFT"].values()} == {0, 10}
+    for found in scans["RADAR_LEFT"].values():
+        assert set(np.diff(found)) <= {50_000}

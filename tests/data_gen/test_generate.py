@@ -1,16 +1,23 @@
 import errno
 import hashlib
 import json
+import shlex
 import shutil
+from datetime import UTC, datetime
 
 import pytest
+from hydra import compose, initialize_config_dir
 
 from data_gen.conditions import ConditionMix, Preset
 from data_gen.episode import Scenario
 from data_gen.generate import DataConfig, Job, generate, record_path
-from data_gen.manifest import only_generator
+from data_gen.manifest import FORMAT, only_generator, without_place
 from data_gen.rig import Camera, Lidar, Radar, Rig
 from data_gen.shard import Shard
+from fusion_net.cli import CONFIGS
+from fusion_net.data.nuscenes import NuScenes
+
+COMMAND = "python -m data_gen data=nano condition=fog"
 
 
 @pytest.fixture(scope="module")
@@ -48,14 +55,14 @@ def settings(seed=5):
 
 
 def tree_hash(root):
-    files = sorted(p for p in root.rglob("*") if p.is_file() and p.name not in (".lock", "manifest.json"))
+    files = sorted(path for path in root.rglob("*") if path.is_file())
     return {str(p.relative_to(root)): hashlib.sha256(p.read_bytes()).hexdigest() for p in files}
 
 
 @pytest.fixture(scope="module")
 def tree(rig, tmp_path_factory):
     root = tmp_path_factory.mktemp("data") / "tree"
-    generate(job(root, rig), settings=settings(), workers=1)
+    generate(job(root, rig), settings=settings(), workers=1, command=COMMAND)
     return root
 
 
@@ -107,9 +114,44 @@ def test_labels_move_by_their_velocity(tree):
             assert (second["translation"][axis] - first["translation"][axis]) / dt == pytest.approx(mean, abs=1.0)
 
 
-def test_two_workers_write_the_same_bytes(tree, rig, tmp_path):
-    generate(job(tmp_path / "two", rig), settings=settings(), workers=2)
+def test_two_workers_in_another_folder_write_the_same_bytes(tree, rig, tmp_path):
+    generate(job(tmp_path / "two", rig), settings=settings(), workers=2, command=COMMAND)
+    assert {"manifest.json", "v1.0-tiny/splits.json", "v1.0-tiny/sample_data.json"} < tree_hash(tree).keys()
     assert tree_hash(tmp_path / "two") == tree_hash(tree)
+    assert not any(str(tmp_path).encode() in path.read_bytes() for path in (tmp_path / "two").rglob("*.json"))
+
+
+def test_the_command_is_kept_without_folder_and_processes():
+    words = ["python", "-m", "data_gen", "data=nano", "data.root=/some/where", "workers=4", "+data.root=x"]
+    assert without_place([*words, "condition=fog"]) == COMMAND
+
+
+@pytest.mark.parametrize("place", ["plain", "with = and, blank"])
+@pytest.mark.parametrize("shard", [None, Shard(1, 2)])
+def test_a_half_generated_tree_tells_the_command_that_goes_on_wherever_it_lies_now(
+    rig, tmp_path, monkeypatch, place, shard
+):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Job, "make", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        generate(job(tmp_path / "first", rig), settings=settings(), workers=1, command=COMMAND, shard=shard)
+    root = (tmp_path / "first").rename(tmp_path / place)
+    with pytest.raises(ValueError, match="half generated") as error:
+        NuScenes(shard.folder(root) if shard else root)
+    words = shlex.split(str(error.value).rpartition(": ")[2])
+    assert words[:-1] == COMMAND.split()
+    with initialize_config_dir(str(CONFIGS), version_base="1.3"):
+        assert compose("data_gen", overrides=words[3:]).data.root == str(root)
+
+
+def test_the_date_of_a_log_is_that_of_its_stamps(tree):
+    scenes = {row["token"]: row["log_token"] for row in table(tree, "scene")}
+    dates = {row["token"]: row["date_captured"] for row in table(tree, "log")}
+    for row in table(tree, "sample"):
+        captured = datetime.fromtimestamp(row["timestamp"] / 1e6, UTC).date()
+        assert dates[scenes[row["scene_token"]]] == captured.isoformat()
 
 
 def test_shards_together_hold_the_bytes_of_the_whole(tree, rig, tmp_path):
@@ -117,9 +159,12 @@ def test_shards_together_hold_the_bytes_of_the_whole(tree, rig, tmp_path):
     roots = [tmp_path / "shard-1-of-2", tmp_path / "shard-2-of-2"]
     assert sorted(tmp_path.iterdir()) == roots
     assert {manifest["hash"] for manifest in made} == {json.loads((tree / "manifest.json").read_text())["hash"]}
-    parts = [{path: hash for path, hash in tree_hash(root).items() if "v1.0" not in path} for root in roots]
+    whole, *parts = [
+        {path: hash for path, hash in tree_hash(root).items() if "/" in path and "v1.0" not in path}
+        for root in (tree, *roots)
+    ]
     assert not parts[0].keys() & parts[1].keys()
-    assert parts[0] | parts[1] == {path: hash for path, hash in tree_hash(tree).items() if "v1.0" not in path}
+    assert parts[0] | parts[1] == whole
     for name in ("scene", "sample", "sample_data", "ego_pose", "sample_annotation", "instance", "log", "map"):
         rows = [row for root in roots for row in table(root, name)]
         assert sorted(rows, key=str) == sorted(table(tree, name), key=str)
@@ -147,7 +192,7 @@ def test_a_record_that_was_cut_short_is_made_again(tree, rig, tmp_path):
     shutil.copytree(tree, root)
     record = record_path(root, 1)
     record.write_bytes(record.read_bytes()[:-40])
-    generate(job(root, rig), settings=settings(), workers=1)
+    generate(job(root, rig), settings=settings(), workers=1, command=COMMAND)
     assert tree_hash(root) == tree_hash(tree)
 
 
@@ -155,7 +200,7 @@ def test_a_record_that_was_cut_short_is_made_again(tree, rig, tmp_path):
     ("text", "answer"),
     [
         ('{"format": 99, "rows": []}', "was made by format 99 of the generator"),
-        ('{"format": 2, "ha', "manifest.json is damaged"),
+        (f'{{"format": {FORMAT}, "ha', "manifest.json is damaged"),
         ('{"hash": "x"}', "manifest.json is damaged"),
         ("[]", "manifest.json is damaged"),
     ],
@@ -215,7 +260,7 @@ def test_an_interrupted_run_goes_on_to_the_same_tree(tree, rig, tmp_path, monkey
         generate(job(root, rig), settings=settings(), workers=1)
     assert record_path(root, 0).exists()
     assert not json.loads((root / "manifest.json").read_text())["complete"]
-    generate(job(root, rig), settings=settings(), workers=1)
+    generate(job(root, rig), settings=settings(), workers=1, command=COMMAND)
     assert tree_hash(root) == tree_hash(tree)
 
 

@@ -70,6 +70,9 @@ IMPOSSIBLE = [
     (rig, {"keyframe_rate": 4.0}, "keyframe_rate=4.0 Hz is not reached", "rig.keyframe_rate=5.0"),
     (rig, {"sweeps": {"radar": -1}}, "sweeps.radar=-1 is not a number of firings", "rig.sweeps.radar=0"),
     (rig, {"sweeps": {"lidar": 50}}, "sweeps.lidar=50 is not a number of firings", "rig.sweeps.lidar=8"),
+    (rig, {"sweeps": {"lidar": "most"}}, "sweeps.lidar=most is neither a number of firings nor all", "rig.sweeps.lidar=all"),
+    (with_radar, {"rate": 2.0, "jitter": 0.01}, "jitter=0.01 s leaves keyframes without a reading", "FRONT.jitter=0.0"),
+    (with_radar, {"rate": 2.5, "jitter": 0.02}, "are up to 0.56 s apart, keyframes 0.5 s", "FRONT.jitter=0.0125"),
 ]  # fmt: skip
 
 

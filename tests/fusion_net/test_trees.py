@@ -69,9 +69,10 @@ def test_shards_that_do_not_belong_together_are_refused(whole, shards):
 
 
 def test_a_half_generated_shard_names_the_command(shards):
-    manifest = {"hash": "a" * 64, "complete": False, "command": "python -m data_gen data=tiny shard=3/3"}
+    command = "python -m data_gen data=tiny shard=3/3"
+    manifest = {"hash": "a" * 64, "complete": False, "shard": {"number": 3, "count": 3}, "command": command}
     (shards / "shard-3-of-3/manifest.json").write_text(json.dumps(manifest))
-    with pytest.raises(ValueError, match=r"shard-3-of-3 is half generated.*: python -m data_gen data=tiny shard=3/3"):
+    with pytest.raises(ValueError, match=rf"shard-3-of-3 is half generated.*: {command} data.root={shards}$"):
         open_trees(str(shards))
 
 

@@ -65,6 +65,13 @@ def test_boxes_that_stand_a_metre_off_are_found(copy):
     assert "FAIL  pixels of objects" in done.stdout
 
 
+def test_points_that_are_counted_by_what_caused_them_are_found(copy):
+    change(copy, "sample_annotation", lambda row: row.update(num_lidar_pts=row["num_lidar_echoes"]))
+    done = check(copy)
+    assert done.returncode == 1
+    assert "FAIL  num_lidar_pts" in done.stdout
+
+
 def test_a_camera_that_looks_elsewhere_is_found(copy):
     def nudge(row):
         if row["camera_intrinsic"]:

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 from check_boxes import check_boxes
+from check_counts import check_counts
 from check_map import check_map
 from check_sweeps import check_sweeps
 from check_tables import check_tables
@@ -28,7 +29,13 @@ def check(tree: NuScenes, samples: int) -> list[Finding]:
     """Every finding; boxes and sweeps in at most ``samples`` keyframes, spread evenly over the tree."""
     chosen = np.unique(np.linspace(0, len(tree.sample) - 1, samples).round().astype(int))
     looked_at = [tree.sample[i] for i in chosen]
-    return [*check_tables(tree), *check_boxes(tree, looked_at), *check_sweeps(tree, looked_at), *check_map(tree)]
+    return [
+        *check_tables(tree),
+        *check_boxes(tree, looked_at),
+        *check_counts(tree, looked_at),
+        *check_sweeps(tree, looked_at),
+        *check_map(tree),
+    ]
 
 
 def main() -> None:

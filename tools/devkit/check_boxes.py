@@ -40,7 +40,7 @@ def _lidar(tree: NuScenes, samples: list[dict]) -> Iterator[Finding]:
         times = _times(path, points.shape[1])
         for token in sample["anns"]:
             annotation = tree.get("sample_annotation", token)
-            count = annotation["num_lidar_pts"]
+            count = annotation.get("num_lidar_echoes", annotation["num_lidar_pts"])  # its own, wherever they lie
             box = _grown(tree.get_box(token))
             labelled += count
             frozen += min(count, int(points_in_box(box, points[:3]).sum()))

@@ -48,8 +48,9 @@ def _carried(tree: NuScenes, sample: dict, back: int) -> tuple[int, int]:
         if again and np.linalg.norm(np.subtract(again["translation"], row["translation"])) < STILL * age:
             box = tree.get_box(again["token"])
             box.wlh = box.wlh + 2 * MARGIN
-            of += row["num_lidar_pts"]
-            inside += min(row["num_lidar_pts"], int(points_in_box(box, points).sum()))
+            count = row.get("num_lidar_echoes", row["num_lidar_pts"])
+            of += count
+            inside += min(count, int(points_in_box(box, points).sum()))
     return inside, of
 
 

@@ -9,6 +9,7 @@ from highway_env.vehicle.behavior import IDMVehicle
 from highway_env.vehicle.objects import RoadObject
 
 from data_gen.footprints import overlaps
+from data_gen.halts import BRAKE, NEVER
 
 
 class Streets(RegulatedRoad):
@@ -17,6 +18,7 @@ class Streets(RegulatedRoad):
     def __init__(self, network: RoadNetwork, rng: np.random.Generator, *, crossing: bool) -> None:
         super().__init__(network=network, np_random=rng, neighbour_vehicles_connected_lanes=True)
         self.crossing = crossing
+        self.clock = 0.0  # seconds of the recording
         self._joined: dict[LaneIndex, dict[LaneIndex, float]] = {}
 
     def joined(self, index: LaneIndex) -> dict[LaneIndex, float]:
@@ -54,6 +56,7 @@ class Streets(RegulatedRoad):
     def step(self, dt: float) -> None:
         """Move everybody; whether they touch is for the recorder to see."""
         self.steps += 1
+        self.clock += dt
         if self.crossing and self.steps % round(1 / dt / self.REGULATION_FREQUENCY) == 0:
             self.enforce_road_rules()
         for vehicle in self.vehicles:
@@ -108,6 +111,7 @@ class Driver(IDMVehicle):
         self.s, self.across, self.slip = s, 0.0, 0.0
         super().__init__(None, lane.position(s, 0.0), lane.heading_at(s), speed, index, target_speed, route, change)
         self.road, self.lane, self.lane_index = road, lane, index
+        self.halt = NEVER
         self._forecast: tuple[int, tuple] = (-1, ())
 
     def act(self, action: dict | str | None = None) -> None:
@@ -119,6 +123,8 @@ class Driver(IDMVehicle):
             self.change_lane_policy()
         leaders = [self.road.neighbour_vehicles(self, i)[0] for i in {self.lane_index, self.target_lane_index}]
         acceleration = min(self.acceleration(self, leader) for leader in leaders)
+        if self.halt.brakes(self.road.clock, self.speed):
+            acceleration = min(acceleration, -BRAKE)
         self.action["steering"] = self.steering_control(self.target_lane_index)
         self.action["acceleration"] = max(-self.ACC_MAX, min(self.ACC_MAX, acceleration))
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from data_gen.driver import Driver, Streets
 from data_gen.footprints import overlaps
+from data_gen.halts import BRAKE, NEVER, Halt, choose_halt
 from data_gen.random import stream
 from data_gen.streets import CROSSING, LAYOUTS, PACE, build_network
 from data_gen.track import Track
@@ -34,6 +35,10 @@ MARGIN = 100.0
 """The world reaches this far beyond the ego's path, in metres."""
 SIGHT = 95.0
 """Vehicles that never come nearer to the ego than this many metres are left out."""
+WARM_UP = (0.5, 1.5)
+"""Least and greatest time in seconds that everybody drives before the recording begins."""
+CREEP = (-1.5, 4.0)
+"""Range of the desired speed in m/s, at least 0, in a queue that the ego stands in."""
 ATTEMPTS = 60
 _LINES: tuple[LineKind, ...] = ("none", "striped", "continuous", "continuous")  # by highway-env's LineType
 
@@ -90,12 +95,13 @@ def record_layout(name: str, *, seed: int, duration: float, traffic: float = 1.0
         raise ValueError(f"layout: unknown layout '{name}'; did you mean '{near[0]}'? There are {', '.join(LAYOUTS)}")
     if not duration > 0:
         raise ValueError(f"layout '{name}': duration={duration} s is not above 0")
+    halt = choose_halt(stream(seed, "halt", name), duration)  # once: a collision does not make it rarer
     for attempt in range(ATTEMPTS):
         rng = stream(seed, "layout", name, attempt)
         pace = rng.uniform(*PACE[name])
         streets = Streets(build_network(name, pace, rng), rng, crossing=name in CROSSING)
-        _fill(streets, name, pace, duration, traffic)
-        states = _simulate(streets, warm_up=rng.uniform(0.5, 1.5), duration=duration)
+        _fill(streets, name, pace, traffic, halt)
+        states = _simulate(streets, warm_up=rng.uniform(*WARM_UP), duration=duration)
         if states is not None:
             return _layout(name, streets, states)
     raise ValueError(
@@ -103,16 +109,19 @@ def record_layout(name: str, *, seed: int, duration: float, traffic: float = 1.0
     )
 
 
-def _fill(streets: Streets, name: str, pace: float, duration: float, traffic: float) -> None:
-    """Put the ego (first) and others around it on the lanes, with gaps for their speeds, some of them in a queue."""
+def _fill(streets: Streets, name: str, pace: float, traffic: float, halt: Halt) -> None:
+    """Put the ego (first) and others around it on the lanes, with gaps for their speeds, some of them in a queue. Where
+    the ego halts and no ways cross, all who go its way creep."""
     rng = streets.np_random
     lanes = streets.network.lanes_dict()
     indices, change = list(lanes), name not in CROSSING
     share = np.minimum([lane.length for lane in lanes.values()], 250.0)
-    index, s = _start(streets, name, rng)
+    index, s = _start(streets, name, rng, halt)
     target = pace * rng.uniform(0.85, 1.1)
-    speed = min(target * rng.uniform(0.7, 1.0), lanes[index].speed_limit)
+    speed = min(target * rng.uniform(0.7, 1.0), lanes[index].speed_limit, halt.approach_speed(WARM_UP[0]))
+    s -= speed**2 / (2 * BRAKE) if streets.crossing and halt is not NEVER else 0.0
     ego = Driver(streets, index, s, speed, target_speed=target, route=_route(streets, index, rng), change=change)
+    ego.halt = halt
     streets.vehicles.append(ego)
     reach = 70.0 + 1.5 * speed
     queue = rng.uniform(0.0, 3.0) * (rng.uniform() < 0.5) if rng.uniform() < 0.25 else None
@@ -127,6 +136,8 @@ def _fill(streets: Streets, name: str, pace: float, duration: float, traffic: fl
         target = pace * rng.uniform(0.6, 1.15)
         if queue is not None and ahead > 12 + speed**2 / 6:
             target = max(queue, 0.01)
+        if halt is not NEVER and not streets.crossing and np.cos(lane.heading_at(s) - ego.heading) > 0.5:
+            target = max(rng.uniform(*CREEP), 0.01)
         speed = min(target * rng.uniform(0.8, 1.0), lane.speed_limit)
         route = _route(streets, index, rng)
         driver = Driver(streets, index, s, speed, target_speed=target, route=route, change=change)
@@ -134,20 +145,22 @@ def _fill(streets: Streets, name: str, pace: float, duration: float, traffic: fl
             streets.vehicles.append(driver)
 
 
-def _start(streets: Streets, name: str, rng: np.random.Generator) -> tuple:
-    """Where the ego begins: not where a lane is about to end for good."""
+def _start(streets: Streets, name: str, rng: np.random.Generator, halt: Halt) -> tuple:
+    """Where the ego begins: not where a lane is about to end for good; who halts at an intersection, before its line."""
     lanes = streets.network.lanes_dict()
     leads_on = {start for start in streets.network.graph if not start.startswith("o")}  # o: the intersection's far ends
+    before_line = halt is not NEVER and name == "intersection"
+    starts = "o" if before_line else _START[name]
     choices = [
         index
         for index, lane in lanes.items()
-        if index[0][0] in _START[name] and lane.length > 8 and (index[1] in leads_on or lane.length > 600)
+        if index[0][0] in starts and lane.length > 8 and (index[1] in leads_on or lane.length > 600)
     ]
     lengths = np.minimum([lanes[index].length for index in choices], 120.0)
     index = choices[rng.choice(len(choices), p=lengths / lengths.sum())]
     length = lanes[index].length
     low, high = (0.3 * length, 0.5 * length) if length > 600 else (max(0.2 * length, length - 90), length)
-    return index, rng.uniform(low, high)
+    return index, rng.uniform(length - 30, length - 4) if before_line else rng.uniform(low, high)
 
 
 def _along(lane: AbstractLane, driver: Driver) -> float:
@@ -183,6 +196,7 @@ def _room(driver: Driver, other: Driver) -> bool:
 def _simulate(streets: Streets, *, warm_up: float, duration: float) -> Array | None:
     """States (T, N, 5) as x, y, heading, speed, slip at every STEP; None if two vehicles touch."""
     count = int(np.ceil(duration / STEP - 1e-9))
+    streets.clock = -STEP * round(warm_up / STEP)
     for k in range(round(warm_up / STEP)):
         if k % DECISION == 0:
             streets.act()

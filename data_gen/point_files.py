@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 
 from data_gen.sensors.lidar import LidarSweep
-from data_gen.sensors.radar import UNAMBIGUOUS, RadarScan
+from data_gen.sensors.radar import RadarScan
+from data_gen.sensors.radar_flags import UNAMBIGUOUS
 
 RADAR_FIELDS = (
     ("x", "F", 4), ("y", "F", 4), ("z", "F", 4), ("dyn_prop", "I", 1), ("id", "I", 2), ("rcs", "F", 4), ("vx", "F", 4),
@@ -26,15 +27,16 @@ def write_lidar(path: Path, sweep: LidarSweep) -> None:
 
 def write_radar(path: Path, scan: RadarScan) -> None:
     """``.pcd`` with nuScenes' 18 fields. An empty scan is one record of NaN, and a byte follows the records, because the
-    devkit's loader asserts both. ``.cause.npy`` beside it has what caused each detection, a code of ``radar_detection``:
-    invalid_state stays 0, as the devkit's default filter would drop the ghosts that it could tell."""
+    devkit's loader asserts both. ``.cause.npy`` beside it has what truly caused each detection, a code of
+    ``radar_detection``; ``ambig_state``, ``invalid_state`` and ``pdh0`` are what the sensor thinks."""
     count = len(scan.x)
     records = np.zeros(max(count, 1), RADAR_DTYPE)
     if count:
-        for name in ("x", "y", "rcs", "vx", "vy", "vx_comp", "vy_comp", "dyn_prop", "ambig_state"):
+        for name in (
+            "x", "y", "rcs", "vx", "vy", "vx_comp", "vy_comp", "dyn_prop", "ambig_state", "invalid_state", "pdh0",
+        ):  # fmt: skip
             records[name] = getattr(scan, name)
         records["id"] = np.arange(count)
-        records["pdh0"] = 1 + (scan.snr_db < 15.0)  # existence probability codes: 1 is surest
     else:
         records["x"], records["ambig_state"] = np.nan, UNAMBIGUOUS
     records["is_quality_valid"] = 1

@@ -28,14 +28,24 @@ NOTHING = -2
 """Body index of a ray that met nothing."""
 
 
+STANDSTILL = 0.2
+"""Speed in m/s below which somebody stands."""
+_HALTED = {"vehicle.moving": "vehicle.stopped", "pedestrian.moving": "pedestrian.standing"}
+
+
 @dataclass(frozen=True)
 class Actor:
-    """A body in the scene. ``instance`` is stable over the scene; ``attribute`` is a nuScenes attribute or ""."""
+    """A body in the scene. ``instance`` is stable over the scene; ``attribute`` is a nuScenes attribute or "": of who takes
+    part in traffic, the one that it has on its way."""
 
     instance: int
     asset: Asset
     track: Track
     attribute: str = ""
+
+    def attribute_at(self, speed: float) -> str:
+        """The attribute at a ``speed`` in m/s: a driver who halts has stopped and is not parked."""
+        return _HALTED.get(self.attribute, self.attribute) if speed < STANDSTILL else self.attribute
 
 
 @dataclass(frozen=True)

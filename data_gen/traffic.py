@@ -43,8 +43,6 @@ YIELD = {
 }
 """Share of the tries that end as an object in sight, measured over 480 scenes: not every spot has room, and a quarter of the
 large become decoys."""
-MOVING = 0.4
-"""Speed in m/s from which a vehicle counts as moving."""
 SLOW = 12.0
 """Speed in m/s above which no construction vehicle drives."""
 
@@ -104,10 +102,10 @@ def _drive(stage: Stage, tracks: list[Track], leaders: list[int]) -> None:
         for choice, margin in LORRY + tries if index < wanted else tries:
             asset = draw_asset(choice, stage.rng, *(("rider",) if choice == "motorcycle" else ()))
             if _fits(stage, waiting, asset, path, margin):
-                stage.place(asset, track, _state(speed, choice), margin)
+                stage.place(asset, track, _state(choice), margin)
                 wanted = 0 if choice in ("truck", "bus") and index < wanted else wanted
                 if choice == "truck" and stage.rng.uniform() < TRAILER_SHARE:
-                    _tow(stage, waiting, asset, track, speed)
+                    _tow(stage, waiting, asset, track)
                 break
 
 
@@ -116,18 +114,18 @@ def _fits(stage: Stage, waiting: Occupancy, asset: Asset, path: tuple[Array, Arr
     return stage.is_free(asset.size, path, margin) and waiting.free(center, yaw, asset.size[:2], margin)
 
 
-def _state(speed: float, kind: str) -> str:
-    """The nuScenes attribute of somebody in traffic."""
-    return "cycle.with_rider" if kind == "motorcycle" else "vehicle.moving" if speed > MOVING else "vehicle.stopped"
+def _state(kind: str) -> str:
+    """The nuScenes attribute of somebody in traffic, on the way."""
+    return "cycle.with_rider" if kind == "motorcycle" else "vehicle.moving"
 
 
-def _tow(stage: Stage, waiting: Occupancy, truck: Asset, track: Track, speed: float) -> bool:
+def _tow(stage: Stage, waiting: Occupancy, truck: Asset, track: Track) -> bool:
     """A trailer behind a truck, if there is room."""
     trailer = draw_asset("trailer", stage.rng)
     behind = towed(track, hitch=-truck.size[0] / 2 - 0.4, length=trailer.size[0])
     folded = np.abs(wrap_angle(track.yaw - behind.yaw)).max() > 0.5  # no jack-knife in a tight turn
     fits = not folded and _fits(stage, waiting, trailer, stage.path(behind), 0.3)
-    return fits and stage.place(trailer, behind, _state(speed, "trailer"), 0.3)
+    return fits and stage.place(trailer, behind, _state("trailer"), 0.3)
 
 
 def towed(track: Track, *, hitch: float, length: float) -> Track:

@@ -207,13 +207,14 @@ class _SceneWriter:
             length, width, height = actor.asset.size
             for place, k in enumerate(near):
                 center = position[k] + (0, 0, height / 2)
+                attribute = actor.attribute_at(float(np.linalg.norm(velocity[k])))
                 self.rows["sample_annotation"].append(
                     {
                         "token": keys[place],
                         "sample_token": samples[k],
                         "instance_token": instance,
                         "visibility_token": str(seen[k].visibility(index)),
-                        "attribute_tokens": [token("attribute", actor.attribute)] if actor.attribute else [],
+                        "attribute_tokens": [token("attribute", attribute)] if attribute else [],
                         "translation": center.tolist(),
                         "size": [width, length, height],
                         "rotation": _quaternion(yaw[k]),

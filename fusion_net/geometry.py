@@ -63,8 +63,9 @@ def yaw_of(a_T_b: ArrayLike) -> float:
     return float(np.arctan2(rotation[1, 0], rotation[0, 0]))
 
 
-def wrap_angle(angle: ArrayLike, period: float = 2 * np.pi) -> Array:
+def wrap_angle(angle: ArrayLike, period: ArrayLike = 2 * np.pi) -> Array:
     """Angle folded into [-period / 2, period / 2)."""
+    period = np.asarray(period)
     return (np.asarray(angle) + period / 2) % period - period / 2
 
 

@@ -34,7 +34,7 @@ def bicycle(variant: str, paint: int) -> Asset:
         parts += _cyclist(kind, paint)
         if kind == "cargo":  # a child looks over the edge
             parts.append(ball((0.36, 0, 0.88), (0.10, 0.09, 0.12), SKINS[0], sections=6))
-    total = 0.0 if use == "rider" else -4.0
+    total = 1.5 if use == "rider" else -2.5
 
     def scatter(size) -> Scatterers:
         x = size[0] / 2 - 0.34

@@ -41,7 +41,7 @@ def bus(variant: str, paint: Material) -> Asset:
         f"bus {variant}",
         "vehicle.bus.bendy" if variant == "bendy" else "vehicle.bus.rigid",
         parts,
-        lambda size: body(size, end=16.0 if mini else 18.0, side=20.0 if mini else 23.0, wheels=wheels, height=0.8),
+        lambda size: body(size, end=18.0 if mini else 20.0, side=22.0 if mini else 24.5, wheels=wheels, height=0.8),
         size=size,
     )
 

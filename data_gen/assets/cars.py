@@ -100,7 +100,7 @@ def car(variant: str, paint: Material) -> Asset:
         f"car {variant}",
         "vehicle.car",
         parts,
-        lambda size: body(size, end=11.0 if big else 9.5, side=17.0 if big else 15.0, wheels=wheels, height=0.55),
+        lambda size: body(size, end=11.9, side=19.5 if big else 18.0, wheels=wheels, height=0.55),
         size=shape.size,
     )
 

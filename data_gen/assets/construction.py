@@ -30,7 +30,7 @@ def construction_vehicle(variant: str, paint: Material) -> Asset:
         f"construction vehicle {variant}",
         "vehicle.construction",
         parts,
-        lambda size: body(size, end=16.0, side=19.0, wheels=wheels, height=0.9),
+        lambda size: body(size, end=18.0, side=22.0, wheels=wheels, height=0.9),
         size=size,
     )
 

@@ -69,7 +69,7 @@ def motorcycle(variant: str, paint: int) -> Asset:
             )
 
     def scatter(size):
-        return body(size, end=2.0, side=5.0, wheels=(0.6, -0.6), height=0.55, spacing=0.9)
+        return body(size, end=4.0, side=6.5, wheels=(0.6, -0.6), height=0.55, spacing=0.9)
 
     return assemble(f"motorcycle {variant}", "vehicle.motorcycle", parts, scatter)
 

@@ -143,7 +143,7 @@ def tree(variant: str) -> Asset:
         _clump(blob, habit.leaves, habit.sprigs, habit.sprig, (variant, i)) for i, blob in enumerate(habit.clumps)
     ]
     return assemble(
-        f"tree {variant}", "", parts, lambda size: cloud([(0, 0, 0.7), (0, 0, 1.5), (0, 0, 0.5 * size[2])], -1.0)
+        f"tree {variant}", "", parts, lambda size: cloud([(0, 0, 0.7), (0, 0, 1.5), (0, 0, 0.5 * size[2])], 2.0)
     )
 
 

@@ -99,7 +99,7 @@ def _echoes(size: tuple[float, float, float], kind: str):
     tall = size[2]
     return cloud(
         [(0, 0, 0.75 * tall), (0, 0, 0.5 * tall), (0.1, 0.1, 0.25 * tall), (-0.1, -0.1, 0.25 * tall)],
-        -7.0 if kind == "child" else -4.0,
+        -5.0 if kind == "child" else -2.0,
     )
 
 

@@ -39,7 +39,7 @@ def pole(variant: str) -> Asset:
         f"pole {variant}",
         "",
         parts,
-        lambda size: points([(0, 0, min(1.0, 0.6 * size[2]))], 0.0 if variant == "mast" else -6.0),
+        lambda size: points([(0, 0, min(1.0, 0.6 * size[2]))], 6.0 if variant == "mast" else -4.0),
     )
 
 
@@ -63,7 +63,7 @@ def street_lamp(variant: str) -> Asset:
 
     def scatter(size) -> Scatterers:
         foot = -size[1] / 2 + 0.11 if variant == "arm" else 0.0
-        return points([(0, foot, 1.0), (0, foot, 3.0)], (-2.0, -4.0))
+        return points([(0, foot, 1.0), (0, foot, 3.0)], (3.0, 1.0))
 
     return assemble(f"street lamp {variant}", "", parts, scatter)
 
@@ -95,5 +95,5 @@ def traffic_light(variant: str) -> Asset:
         f"traffic light {variant}",
         "",
         parts,
-        lambda size: points([(0, -size[1] / 2 + 0.17, 1.0), (0, -size[1] / 2 + 0.17, 2.8)], (-3.0, 0.0)),
+        lambda size: points([(0, -size[1] / 2 + 0.17, 1.0), (0, -size[1] / 2 + 0.17, 2.8)], (2.0, 3.0)),
     )

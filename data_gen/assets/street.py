@@ -24,13 +24,13 @@ PRINT, SUNNY, CRIMSON, INK = (
 def guard_rail(variant: str) -> Asset:
     """Four metres of guard rail along x: a two-wave beam of steel, or a concrete wall. Both sides reflect radar."""
     if variant == "concrete":
-        parts, per_metre = [jersey(-2.0, 2.0, 0.85, CONCRETE)], 3.0
+        parts, per_metre = [jersey(-2.0, 2.0, 0.85, CONCRETE)], 5.0
     else:
         wave = [(-0.02, 0.44), (-0.09, 0.51), (-0.02, 0.58), (-0.02, 0.62), (-0.09, 0.69), (-0.02, 0.75)]
         profile = wave + [(x + 0.012, z) for x, z in wave[::-1]]
         beam = [moved(extrude(profile, 2.0, STEEL), yaw=yaw) for yaw in (-np.pi / 2, np.pi / 2)]
         parts = [*beam, *(box((x - 0.05, -0.02, 0), (x + 0.05, 0.02, 0.74), DARK_STEEL) for x in (-1.0, 1.0))]
-        per_metre = 5.0
+        per_metre = 8.0
 
     def scatter(size) -> Scatterers:
         return Scatterers.concatenate(

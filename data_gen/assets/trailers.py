@@ -59,7 +59,7 @@ def trailer(variant: str, paint: Material) -> Asset:
         f"trailer {variant}",
         "vehicle.trailer",
         parts,
-        lambda size: body(size, end=18.0, side=24.0, wheels=wheels, height=1.0),
+        lambda size: body(size, end=20.0, side=25.5, wheels=wheels, height=1.0),
         size=size,
     )
 

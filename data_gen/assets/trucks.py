@@ -52,7 +52,7 @@ def truck(variant: str, paint: Material) -> Asset:
         f"truck {variant}",
         "vehicle.truck",
         parts,
-        lambda size: body(size, end=16.0 if small else 18.0, side=20.0 if small else 22.0, wheels=wheels, height=0.8),
+        lambda size: body(size, end=18.0 if small else 20.0, side=22.0 if small else 24.0, wheels=wheels, height=0.8),
         size=size,
     )
 

@@ -18,6 +18,9 @@ THRESHOLD = -np.log(FALSE_ALARM)
 """Least detectable power over the noise: the power of noise is exponential with mean 1."""
 SNR_REF_DB, RCS_REF_DB = 21.1, 10.0
 """A 10 dBsm Swerling-1 target at max_range on the boresight is detected with probability 0.9: SNR = ln Pfa / ln Pd - 1."""
+NEAR = 0.5
+"""Share of max_range within which the power rises no more: the high-pass before the converter takes 40 dB a decade there,
+or the road and the bumper would flood it. The least cross-section that is detected is so the same all over the near range."""
 EDGE_DB = 6.0
 """Two-way loss of the antenna at the edge of its field of view."""
 SEPARABLE = 1.5
@@ -60,12 +63,12 @@ class Echoes:
 
 
 def link_budget_db(distance: ArrayLike, azimuth: ArrayLike, radar: Radar, rain_rate: float = 0.0) -> Array:
-    """Mean SNR in dB of a 0 dBsm reflector at ``distance`` m and ``azimuth`` rad: R^-4, antenna pattern, rain in
-    the air and on the radome."""
+    """Mean SNR in dB of a 0 dBsm reflector at ``distance`` m and ``azimuth`` rad: R^-4 from :data:`NEAR` on, antenna
+    pattern, rain in the air and on the radome."""
     distance = np.asarray(distance, float)
     rain_db_per_km = 0.94 * rain_rate**0.776  # ITU-R P.838 at 77 GHz
     pattern = EDGE_DB * (np.degrees(azimuth) / radar.fov_deg) ** 2
-    spreading = 40 * np.log10(distance / radar.max_range)
+    spreading = 40 * np.log10(np.maximum(distance / radar.max_range, NEAR))
     wet = 2 * rain_db_per_km * distance / 1000 + WET_RADOME_DB * rain_rate ** (1 / 3)
     return SNR_REF_DB - RCS_REF_DB - spreading - pattern - wet
 
@@ -78,7 +81,7 @@ def detect(echoes: Echoes, radar: Radar, rng: np.random.Generator) -> Echoes:
     """
     if not len(echoes.range):
         return echoes
-    amplitude = np.sqrt(echoes.snr) * _complex_normal(rng, len(echoes.range))
+    amplitude = np.sqrt(echoes.snr) * complex_normal(rng, len(echoes.range))
     order = np.argsort(-np.abs(amplitude), kind="stable")
     echoes, amplitude = echoes[order], amplitude[order]
     peak, cell = _resolution_cells(echoes, radar)
@@ -86,7 +89,7 @@ def detect(echoes: Echoes, radar: Radar, rng: np.random.Generator) -> Echoes:
     def total(weight: Array) -> Array:
         return np.bincount(cell, weight, len(peak)).astype(float, copy=False)
 
-    noise = _complex_normal(rng, len(peak))
+    noise = complex_normal(rng, len(peak))
     power = np.abs(total(amplitude.real) + 1j * total(amplitude.imag) + noise) ** 2
     share = np.abs(amplitude) ** 2
     share /= total(share)[cell]
@@ -153,6 +156,6 @@ def _resolution(radar: Radar) -> Array:
     return np.array([radar.range_resolution, np.radians(radar.azimuth_resolution_deg), radar.doppler_resolution])
 
 
-def _complex_normal(rng: np.random.Generator, count: int) -> NDArray[np.complex128]:
+def complex_normal(rng: np.random.Generator, count: int) -> NDArray[np.complex128]:
     """Circular Gaussian of mean power 1."""
     return (rng.normal(size=count) + 1j * rng.normal(size=count)) / np.sqrt(2)

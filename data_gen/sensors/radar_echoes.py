@@ -14,7 +14,7 @@ from data_gen.sensors.radar_detection import DIRECT, UNDERBODY, Array, Echoes, l
 
 GRAZING = 0.2
 """A reflector shows while the cosine between its normal and the ray that comes from the sensor is below this."""
-OBLIQUE_DB = -24.0
+OBLIQUE_DB = -12.0
 """What edges, rivets and joints of a flat reflector still return when it is seen along its surface, against its front."""
 SKIN = 0.5
 """Metres that a reflector may lie behind the surface of its own body."""
@@ -101,10 +101,10 @@ def _in_view(scene: Scene, look: Look, global_T_sensor: Array) -> tuple[Array, .
 def aspect_db(turned: Array) -> Array:
     """Loss of a reflector in dB whose normal has the cosine ``turned`` with the ray that comes in.
 
-    None up to 45 degrees; then with the fourth power of the cosine, between the second of a rough plate (Lambert) and the
-    cliff of a polished one, which sends the wave elsewhere (:mod:`data_gen.sensors.radar_ghosts`).
+    None up to 45 degrees; then with the square of the cosine, as of a rough plate (Lambert): doors, bumpers and rails are
+    curved and ribbed, and no polished plates.
     """
-    return np.maximum(40 * np.log10(np.clip(-turned, 1e-3, 0.5**0.5) / 0.5**0.5), OBLIQUE_DB)
+    return np.maximum(20 * np.log10(np.clip(-turned, 1e-3, 0.5**0.5) / 0.5**0.5), OBLIQUE_DB)
 
 
 @jit

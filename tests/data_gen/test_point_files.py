@@ -38,7 +38,8 @@ def test_a_radar_file_comes_back_and_an_empty_scan_is_one_record_of_nan(tmp_path
     numbers = {name: np.full(count, value, np.float32) for value, name in enumerate(
         ("x", "y", "rcs", "vx", "vy", "vx_comp", "vy_comp", "range", "azimuth", "doppler", "snr_db"), start=1)}  # fmt: skip
     codes = {
-        name: np.full(count, value, np.uint8) for name, value in (("dyn_prop", 1), ("ambig_state", 3), ("cause", 2))
+        name: np.full(count, value, np.uint8)
+        for name, value in (("dyn_prop", 1), ("ambig_state", 3), ("cause", 2), ("invalid_state", 6), ("pdh0", 4))
     }
     scan = RadarScan(**numbers, **codes, body=np.zeros(count, np.int32))
     path = tmp_path / "a.pcd"
@@ -48,7 +49,8 @@ def test_a_radar_file_comes_back_and_an_empty_scan_is_one_record_of_nan(tmp_path
     records = np.frombuffer(body[:-1], RADAR_DTYPE)
     assert f"POINTS {max(count, 1)}".encode() in header
     assert (records["ambig_state"] == 3).all()
-    assert (records["invalid_state"] == 0).all()  # also of ghosts; what they are lies beside
+    assert records["invalid_state"].tolist() == ([6] * count or [0])  # what the sensor thinks; what is true lies beside
+    assert records["pdh0"].tolist() == ([4] * count or [0])
     assert np.load(tmp_path / "a.cause.npy").tolist() == [2] * count
     if count:
         assert records["vy_comp"].tolist() == [7.0] * 3

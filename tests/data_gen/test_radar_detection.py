@@ -5,7 +5,7 @@ import pytest
 from radar_world import CELL, RADAR, sigma
 
 from data_gen.random import stream
-from data_gen.sensors.radar_detection import DIRECT, NOISE_FLOOR, Echoes, detect, link_budget_db
+from data_gen.sensors.radar_detection import DIRECT, NEAR, NOISE_FLOOR, THRESHOLD, Echoes, detect, link_budget_db
 
 
 def echoes(range_=50.0, azimuth_deg=0.0, doppler=0.0, snr=1e4):
@@ -30,8 +30,16 @@ def test_detection_probability_is_nine_tenths_at_ten_dbsm_and_falls_with_the_fou
     assert share(-8, 58) == pytest.approx(0.5, abs=0.05)
     assert share(2, 102) == pytest.approx(0.5, abs=0.05)
     assert share(10, 162) == pytest.approx(0.5, abs=0.05)
-    assert link_budget_db(40.0, 0.0, RADAR) - link_budget_db(80.0, 0.0, RADAR) == pytest.approx(12.04, abs=0.01)
+    assert link_budget_db(50.0, 0.0, RADAR) - link_budget_db(100.0, 0.0, RADAR) == pytest.approx(12.04, abs=0.01)
     assert link_budget_db(40.0, np.radians(60), RADAR) == pytest.approx(link_budget_db(40.0, 0.0, RADAR) - 6)
+
+
+def test_near_by_the_least_cross_section_is_the_same_at_every_range():
+    """The high-pass takes what r^-4 gives within half of the range: there a bush is no louder than at 50 m."""
+    near = [float(link_budget_db(r, 0.0, RADAR)) for r in (1.0, 10.0, NEAR * RADAR.max_range)]
+    assert near[1:] == near[:1] * 2
+    least = 10 * np.log10(THRESHOLD) - near[0]
+    assert least == pytest.approx(11.4 - 23.1, abs=0.1)  # 13.8 over the noise, where 0 dBsm has 11.1 + 12.04
 
 
 def test_two_targets_one_degree_apart_are_one_detection_unless_their_speed_or_range_differs():

@@ -11,7 +11,7 @@ from data_gen.footprints import Occupancy, overlaps
 from data_gen.kerbside import DECOY_SHARE
 from data_gen.layout import LAYOUTS, REAR_AXLE, Layout, record_layout
 from data_gen.road_marks import crossings
-from data_gen.scene import Actor
+from data_gen.scene import STANDSTILL, Actor
 from data_gen.stage import Stage
 from data_gen.track import Track
 from data_gen.traffic import populate, towed
@@ -54,7 +54,8 @@ def test_the_ego_may_drive_on_for_a_second(scenes: list[tuple[Layout, list[Actor
 
 def test_attributes_tell_the_state(scenes: list[tuple[Layout, list[Actor]]]) -> None:
     for actor in (actor for _, actors in scenes for actor in actors):
-        speed = np.linalg.norm(actor.track.at(np.linspace(0, DURATION, 9))[2], axis=1).mean()
+        speeds = np.linalg.norm(actor.track.at(np.linspace(0, DURATION, 9))[2], axis=1)
+        speed = speeds.mean()
         family = actor.attribute.split(".")[0]
         name = CATEGORY_TO_CLASS.get(actor.asset.category, "")
         if not name or name in ("traffic_cone", "barrier"):
@@ -66,7 +67,11 @@ def test_attributes_tell_the_state(scenes: list[tuple[Layout, list[Actor]]]) -> 
             assert actor.attribute == ("pedestrian.moving" if speed > 0.1 else "pedestrian.standing")
         else:
             assert family == "vehicle"
-            assert (actor.attribute == "vehicle.moving") == (speed > 0.4)
+            told = [actor.attribute_at(float(v)) for v in speeds]
+            assert all((a == "vehicle.moving") == (v >= STANDSTILL) for a, v in zip(told, speeds, strict=True))
+            assert (
+                ("vehicle.parked" in told) == (actor.attribute == "vehicle.parked") == (set(told) == {"vehicle.parked"})
+            )
             assert len(actor.track.times) == 1 or actor.attribute != "vehicle.parked"
 
 

@@ -79,6 +79,22 @@ class NuScenesDataset(Dataset):
             self.grid.contains(labelled_boxes(tree, token, self.classes).center).any() for tree, token in self.index
         )
 
+    def why_no_labels(self) -> str:
+        """Of a split without labels (:meth:`has_labels`), what they lack."""
+        found = [tree.annotations(token, self.classes) for tree, token in self.index]
+        if not any(map(len, found)):
+            return f"none of its {len(self.index)} samples has a label of {', '.join(self.classes)}"
+        if not any(each.num_pts.any() for each in found):
+            return (
+                "every label has num_lidar_pts=0 and num_radar_pts=0 in sample_annotation.json, and only those with a point"
+                " count"
+            )
+        grid = self.grid
+        return (
+            "no label with a LiDAR or radar point lies on the grid"
+            f" (x {grid.x_min} to {grid.x_max} m, y {grid.y_min} to {grid.y_max} m)"
+        )
+
     @property
     def classes(self) -> list[str]:
         """Names that box labels and heat maps index."""

@@ -45,12 +45,13 @@ class SampleReader:
     """How a keyframe is read.
 
     ``cameras``: channels, None for all that the tree has. ``image_size`` [H, W]: images are scaled to W and lose rows
-    at the top; None: at most ``cameras.MAX_WIDTH`` wide and cut as ``label_stride`` wants it, or as they are without one. ``lidar_sweeps``, ``radar_sweeps``: firings before the keyframe's that are added to
-    it. ``motion_compensation`` False leaves each reading in the ego frame of its own time. ``propagate_radar`` moves
-    radar points to the reference time by their measured (radial) velocity, and ``propagate_lidar`` the LiDAR points near
-    them. ``modalities``: the others are not given and not present. ``label_stride``: pixels a cell of the depth and class
-    labels (LiDAR depth is there even if the LiDAR is not given); None for no such labels. ``faults`` spoil what is read;
-    what they draw follows from ``fault_seed`` and the sample.
+    at the top; None: at most ``cameras.MAX_WIDTH`` wide and cut to whole cells of ``label_stride``, or as they are without
+    one. ``lidar_sweeps``, ``radar_sweeps``: firings before the keyframe's that are added to it. ``motion_compensation``
+    False leaves each reading in the ego frame of its own time. ``propagate_radar`` moves radar points to the reference time
+    by their measured (radial) velocity, and ``propagate_lidar`` the LiDAR points near them. ``modalities``: files of the
+    others are not opened, and they are not present. ``label_stride``: pixels a cell of the depth and class labels (the
+    LiDAR is then read for them even if it is not given); None for no such labels. ``faults`` spoil what is read; what they
+    draw follows from ``fault_seed`` and the sample.
     """
 
     classes: list[str] = field(default_factory=lambda: list(CLASSES))

@@ -28,7 +28,10 @@ def version_folder(root: Path, version: str | None = None) -> Path:
         hint = f"give the folder above: {root.parent}" if (root / "sample.json").exists() else "is it a nuScenes root?"
         raise ValueError(f"{root} needs a folder v1.0-* of tables and has none; {hint}")
     if version is None and len(found) > 1:
-        raise ValueError(f"{root} has the versions {', '.join(found)}; choose one, such as data.version={found[0]}")
+        raise ValueError(
+            f"{root} has the versions {', '.join(found)}; choose one, such as version={found[0]}"
+            f" (data.version={found[0]} for train.py and eval.py)"
+        )
     folder = root / (version or found[0])
     missing = [name for name in FIELDS if not (folder / f"{name}.json").exists()]
     if missing:

@@ -27,15 +27,19 @@ def load_run(
     checkpoint: str = "best",
     split: str = "val",
     root: str | None = None,
+    version: str | None = None,
     fault: DictConfig | None = None,
 ) -> tuple[FusionNet, NuScenesDataset, DictConfig]:
     """A trained model in evaluation mode, the samples of a split, spoiled by ``fault``, and the settings it was trained
     with."""
     cfg = load_config(folder)
     if root is not None:
-        cfg.data.root = root
+        cfg.data.root, cfg.data.version = root, None
+    if version is not None:
+        cfg.data.version = version
     reader = cfg.reader.val
-    reader.root, reader.split, reader.cache = cfg.data.root, split, False
+    reader.root, reader.version, reader.split = cfg.data.root, cfg.data.get("version"), split
+    reader.cache = False
     if fault is not None:
         reader.faults = fault
     model = build(cfg.model, "model")
@@ -50,7 +54,12 @@ def evaluate_run(cfg: DictConfig) -> None:
     """What ``eval.py`` does: prints the drop table and writes everything under RUN/eval."""
     folder = Path(cfg.run)
     model, dataset, trained = load_run(
-        folder, checkpoint=cfg.checkpoint, split=cfg.split, root=cfg.data.root, fault=cfg.fault
+        folder,
+        checkpoint=cfg.checkpoint,
+        split=cfg.split,
+        root=cfg.data.root,
+        version=cfg.data.version,
+        fault=cfg.fault,
     )
     if not len(dataset):
         raise ValueError(
@@ -79,7 +88,7 @@ def evaluate_run(cfg: DictConfig) -> None:
         target /= f"{cfg.fault.name}_{cfg.fault.severity}"
     write_drop_table(target, doc)
     decoys.write(target, audit)
-    (target / "env.json").write_text(json.dumps(surroundings, indent=1) + "\n")
+    (target / "env.json").write_text(json.dumps(surroundings, indent=1) + "\n", encoding="utf-8")
     write_results(target / "results_nusc.json", table.tables[0], tokens=truth.tokens, classes=dataset.classes)
     plot_drop_table(target / "drop_table.png", doc)
     picture_sheet(target / "pictures.png", dataset, table.found[0])

@@ -121,7 +121,10 @@ class NuScenes:
         """The sample_data record that gives a sample its time and its ego frame."""
         frames = self.keyframes.get(sample_token, {})
         if REFERENCE not in frames:
-            raise ValueError(f"{self.folder / 'sample_data.json'}: sample {sample_token!r} has no {REFERENCE} keyframe")
+            raise ValueError(
+                f"{self.folder / 'sample_data.json'}: sample {sample_token!r} has no {REFERENCE} keyframe"
+                f" but {', '.join(frames) or 'none at all'}"
+            )
         return frames[REFERENCE]
 
     def global_T_ego(self, record: Record) -> NDArray[np.float64]:

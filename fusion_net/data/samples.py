@@ -128,8 +128,8 @@ class SampleReader:
         alive = moment.readings(channel)
         record = alive[0].record if alive else tree.any_firing(channel)
         size = tree.image_size(record)
-        fit = fit_image(size, self.image_size, self.label_stride)
         with tree.file_of(record) if alive else nullcontext() as path:
+            fit = fit_image(size, self.image_size, self.label_stride)
             view = view_camera(
                 path,
                 fit,

@@ -105,7 +105,9 @@ ROTATION = _numbers(
     4, "a unit quaternion w, x, y, z", lambda rows: np.abs(np.linalg.norm(rows, axis=1) - 1) < NORM_TOLERANCE
 )
 SIZE = _numbers(3, "width, length and height in metres, above 0", lambda rows: rows > 0)
-NAME = Field("text that is not empty", lambda values, tables: _are(values, str) and all(values))
+NAME = Field(
+    "printable text", lambda values, tables: _are(values, str) and all(values) and all(map(str.isprintable, values))
+)
 TEXT = Field("text", lambda values, tables: _are(values, str))
 FLAG = Field("true or false", lambda values, tables: _are(values, bool))
 NEIGHBOUR = Field("a token, or empty", TEXT.holds)

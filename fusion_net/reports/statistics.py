@@ -7,6 +7,7 @@ Labels are counted in every keyframe; sensor files are opened in at most ``sampl
 """
 
 import json
+import os
 import sys
 from pathlib import Path
 
@@ -32,7 +33,8 @@ def main(arguments: list[str]) -> None:
         raise ValueError(f"samples={options['samples']} is not a number of keyframes: 1 or more")
     trees = open_trees(root, options["version"] or None)
     found = survey(split_of(trees, options["split"]), files=int(options["samples"]))
-    summary = {"root": root, "split": options["split"]} | summarize(found)
+    name = os.fsencode(root).decode("utf-8", errors="replace")  # whatever the locale made of it
+    summary = {"root": name, "split": options["split"]} | summarize(found)
     folder = Path(options["out"] or root)
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "statistics.json").write_text(json.dumps(summary, indent=1, allow_nan=False) + "\n", encoding="utf-8")

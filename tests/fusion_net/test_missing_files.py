@@ -36,7 +36,7 @@ def unlink(root, pattern):
 
 
 def refusal(root, **reader):
-    with pytest.raises(ValueError, match="exist|missing|not there") as error:
+    with pytest.raises(ValueError, match=r"exist|missing|not there") as error:
         opened(root, **reader)
     assert "\n" not in str(error.value)
     return str(error.value)
@@ -67,9 +67,8 @@ def test_only_what_is_used_is_looked_for(root):
     unlink(root, "samples/*/scene-0001*")
     kept = {"cameras": ["CAM_FRONT"], "radar_sweeps": 0}
     assert len(opened(root, **kept)) == 3
-    assert "4 of 6 lidar files are missing (LIDAR_TOP 4 of 6)" not in refusal(root, **kept | {"cameras": None})
-    assert "6 of 9 lidar files are missing (LIDAR_TOP 6 of 9): " not in refusal(root, **kept | {"lidar_sweeps": 2})
-    assert "lidar files are missing (LIDAR_TOP " in refusal(root, **kept | {"lidar_sweeps": 2})
+    assert "lidar" not in refusal(root, **kept | {"cameras": None})
+    assert "6 of 9 lidar files are missing (LIDAR_TOP 6 of 9)" in refusal(root, **kept | {"lidar_sweeps": 2})
     assert "is sweeps/ extracted?" in refusal(root, **kept | {"radar_sweeps": 1})
     assert len(opened(root, modalities=["lidar"])) == 3
 

@@ -57,7 +57,9 @@ def _numbers(count: int, must_be: str, is_right: Callable[[NDArray], Any] = lamb
 def _whole(low: int) -> Field:
     return Field(
         f"a whole number of {low} or more",
-        lambda values, tables: _are(values, int) and all(low <= value < BEYOND for value in values),
+        lambda values, tables: (
+            _are(values, int) and low <= min(values, default=low) and max(values, default=low) < BEYOND
+        ),
     )
 
 

@@ -71,22 +71,20 @@ def load_tables(folder: Path) -> Tables:
     tables = {name: _load_table(folder / f"{name}.json") for name in FIELDS}
     for name, records in tables.items():
         path = folder / f"{name}.json"
-        for field, kind in FIELDS[name].items():
-            lacking = next((token for token, record in records.items() if field not in record), None)
-            if lacking is not None:
+        for field, kind in (FIELDS[name] | OPTIONAL.get(name, {})).items():
+            values = [record[field] for record in records.values() if field in record]
+            if len(values) < len(records) and field in FIELDS[name]:
+                lacking = next(token for token, record in records.items() if field not in record)
                 raise ValueError(f"{path}: the record {lacking!r} has no {field}")
-            _check(path, records, field, kind, tables)
-        for field, kind in OPTIONAL.get(name, {}).items():
-            having = {token: record for token, record in records.items() if field in record}
-            _check(path, having, field, kind, tables)
+            if not kind.holds(values, tables):
+                raise ValueError(f"{path}: {_first_wrong(records, field, kind, tables)}")
     return tables
 
 
-def _check(path: Path, records: dict[str, Record], field: str, kind: Field, tables: Tables) -> None:
-    if kind.holds([record[field] for record in records.values()], tables):
-        return
-    token, value = next((t, r[field]) for t, r in records.items() if not kind.holds([r[field]], tables))
-    raise ValueError(f"{path}: the record {token!r} has {field}={shown(value)}, which is not {kind.must_be}")
+def _first_wrong(records: dict[str, Record], field: str, kind: Field, tables: Tables) -> str:
+    having = ((token, record[field]) for token, record in records.items() if field in record)
+    token, value = next((token, value) for token, value in having if not kind.holds([value], tables))
+    return f"the record {token!r} has {field}={shown(value)}, which is not {kind.must_be}"
 
 
 def shown(value: Any) -> str:

@@ -63,7 +63,7 @@ def mend(root: Path) -> str:
     about = manifest(root)
     if not about:
         return f"extract the archives of the data set into {root} again"
-    return f"generate it again: {about.get('command') or 'python -m data_gen'}"
+    return f"delete {root} and generate it again: {about.get('command') or 'python -m data_gen'}"
 
 
 def load_tables(folder: Path) -> Tables:

@@ -86,7 +86,7 @@ def test_a_folder_or_a_dangling_link_in_the_place_of_a_file_is_no_file(root):
 def test_generated_data_is_generated_again(root):
     (root / "manifest.json").write_text('{"hash": "a", "command": "python -m data_gen data=tiny"}')
     shutil.rmtree(root / "samples")
-    assert refusal(root).endswith("generate it again: python -m data_gen data=tiny")
+    assert refusal(root).endswith(f"delete {root} and generate it again: python -m data_gen data=tiny")
 
 
 def test_every_command_refuses_them(root, tmp_path, monkeypatch):

@@ -142,7 +142,7 @@ def _resident_mb() -> float:
     """Resident size now; where there is no /proc, its peak so far."""
     pages = Path("/proc/self/statm")
     if pages.exists():
-        return int(pages.read_text().split()[1]) * resource.getpagesize() / 2**20
+        return int(pages.read_text(encoding="utf-8").split()[1]) * resource.getpagesize() / 2**20
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 

@@ -61,7 +61,7 @@ def devkit(root: Path, split: str, results: Path) -> dict:
         done = subprocess.run([str(part) for part in command], capture_output=True, text=True, check=False)
         if done.returncode:
             raise SystemExit(f"error: the devkit refused {results}: {done.stderr.strip().splitlines()[-1]}")
-        return json.loads(target.read_text())
+        return json.loads(target.read_text(encoding="utf-8"))
 
 
 def largest_difference(score: DetectionMetrics, summary: dict) -> float:
@@ -93,7 +93,7 @@ def main() -> None:
             rng = np.random.default_rng(0)
             tables = make_tables(rng, scenes=80, keyframes=4, objects=25)
             write_tree(root, tables)
-            results.write_text(json.dumps(make_results(tables, rng, boxes=100)))
+            results.write_text(json.dumps(make_results(tables, rng, boxes=100)), encoding="utf-8")
         score, seconds = ours(root, arguments.split, results)
         summary = devkit(root, arguments.split, results)
     _report(score, seconds, summary)

@@ -54,8 +54,10 @@ def write_tree(root: Path, tables: dict[str, list[dict]]) -> None:
     folder = root / "v1.0-random"
     folder.mkdir(parents=True, exist_ok=True)
     for name, rows in tables.items():
-        (folder / f"{name}.json").write_text(json.dumps(rows))
-    (folder / "splits.json").write_text(json.dumps({SPLIT: [scene["name"] for scene in tables["scene"]]}))
+        (folder / f"{name}.json").write_text(json.dumps(rows), encoding="utf-8")
+    (folder / "splits.json").write_text(
+        json.dumps({SPLIT: [scene["name"] for scene in tables["scene"]]}), encoding="utf-8"
+    )
     (root / "maps").mkdir(exist_ok=True)
     (root / "maps" / "empty.png").touch()
 

@@ -83,7 +83,7 @@ def only_generator(root: Path) -> Iterator[None]:
         (root / ".lock").touch()
     except OSError as error:
         raise OSError(f"cannot write to data.root={root} ({error.strerror}); pass data.root=ANOTHER_FOLDER") from error
-    with open(root / ".lock", "w") as lock:
+    with open(root / ".lock", "w", encoding="utf-8") as lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:

@@ -24,7 +24,7 @@ def write_tables(root: Path, dataset: str, rig: Rig, records: dict[Path, str]) -
     rows: dict[str, list[dict[str, Any]]] = _fixed_tables(dataset, rig) | {name: [] for name in SCENE_TABLES}
     named: dict[str, list[str]] = {f"{dataset}_{split}": [] for split in records.values()}
     for record, split in records.items():
-        for name, part in json.loads(record.read_text()).items():
+        for name, part in json.loads(record.read_text(encoding="utf-8")).items():
             rows[name].extend(part)
         named[f"{dataset}_{split}"].append(rows["scene"][-1]["name"])
     for name, table in rows.items():

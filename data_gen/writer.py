@@ -248,7 +248,7 @@ def class_id(asset: Asset) -> int:
 def write_json(path: Path, value: Any) -> None:
     """Writes JSON so that a reader sees the whole file or none of it."""
     partial = path.with_name(path.name + ".part")
-    partial.write_text(json.dumps(value, separators=(",", ":")))
+    partial.write_text(json.dumps(value, separators=(",", ":")), encoding="utf-8")
     partial.replace(path)
 
 

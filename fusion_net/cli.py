@@ -25,6 +25,8 @@ from hydra.utils import instantiate
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import MissingMandatoryValue, OmegaConfBaseException
 
+from fusion_net.terminal import print_any_text
+
 CONFIGS = Path(__file__).resolve().parents[1] / "configs"
 
 
@@ -52,6 +54,7 @@ def command(config_name: str) -> Callable[[Callable[[DictConfig], Any]], Callabl
         guarded.__module__, guarded.__name__ = function.__module__, function.__name__
 
         def run() -> None:
+            print_any_text()
             os.environ["HYDRA_FULL_ERROR"] = "1"  # Hydra then raises its own errors instead of printing them
             # and it takes overrides on one side of a flag only: -m goes to the front
             sys.argv[1:] = sorted(sys.argv[1:], key=lambda arg: arg not in ("-m", "--multirun"))

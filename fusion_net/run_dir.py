@@ -38,13 +38,17 @@ def open_run(folder: Path, cfg: DictConfig, *, resume: bool, overwrite: bool, da
             (folder / old).unlink(missing_ok=True)
     (folder / "checkpoints").mkdir(parents=True, exist_ok=True)
     OmegaConf.save(cfg, folder / "config.yaml", resolve=True)
-    (folder / "env.json").write_text(json.dumps(environment() | {"data": list(data)}, indent=1) + "\n")
+    (folder / "env.json").write_text(
+        json.dumps(environment() | {"data": list(data)}, indent=1) + "\n", encoding="utf-8"
+    )
     return folder
 
 
 def mark_finished(folder: Path) -> None:
     """Notes in env.json that the run is over."""
-    (folder / "env.json").write_text(json.dumps(_surroundings(folder) | {"finished": True}, indent=1) + "\n")
+    (folder / "env.json").write_text(
+        json.dumps(_surroundings(folder) | {"finished": True}, indent=1) + "\n", encoding="utf-8"
+    )
 
 
 def is_finished(folder: Path, cfg: DictConfig) -> bool:
@@ -64,7 +68,7 @@ def refuse_other_data(folder: Path, data: Sequence[str]) -> None:
         hashes = [", ".join(each[:12] or "none" for each in both) for both in (trained, data)]
         raise ValueError(
             f"the data is no longer that which {folder} was trained on (manifest {hashes[0]}, now {hashes[1]});"
-            " generate it again with the same settings, or score other data with eval.py data.root=DIR"
+            " bring back that data, or score other data with eval.py data.root=DIR"
         )
 
 
@@ -167,8 +171,8 @@ def _surroundings(folder: Path) -> dict[str, Any]:
 
 def _processor() -> str:
     info = Path("/proc/cpuinfo")
-    names = [line.split(":", 1)[1].strip() for line in info.read_text().splitlines() if line.startswith("model name")] \
-        if info.exists() else []  # fmt: skip
+    lines = info.read_text(encoding="utf-8").splitlines() if info.exists() else []
+    names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
     return names[0] if names else platform.processor()
 
 

@@ -135,11 +135,11 @@ def _yaw(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _velocity(tree: "NuScenes", records: list[dict], center: NDArray[np.float64]) -> NDArray[np.float64]:
     """(N, 2) m/s by differences between the neighbours in time, as the devkit's ``box_velocity``: one-sided at a
-    track's ends, NaN for a lone annotation or too long a gap."""
+    track's ends, NaN for a lone annotation or too long a gap. A track ends where its next label is not in the table."""
     row_of = {record["token"]: row for row, record in enumerate(records)}
     own = np.arange(len(records))
-    before = np.array([row_of[r["prev"]] if r["prev"] else row for row, r in enumerate(records)], np.int64)
-    after = np.array([row_of[r["next"]] if r["next"] else row for row, r in enumerate(records)], np.int64)
+    before = np.array([row_of.get(r["prev"], row) for row, r in enumerate(records)], np.int64)
+    after = np.array([row_of.get(r["next"], row) for row, r in enumerate(records)], np.int64)
     time = np.array([tree.get("sample", record["sample_token"])["timestamp"] for record in records], np.int64) * 1e-6
     gap = time[after] - time[before]
     limit = MAX_TIME_DIFF * np.where((before != own) & (after != own), 2, 1)

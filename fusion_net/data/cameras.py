@@ -1,5 +1,6 @@
 """One camera of one sample: the picture as the network sees it, its geometry and its labels."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -7,9 +8,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fusion_net.data.depth_labels import check_stride, class_map, dense_depth, lidar_depth
+from fusion_net.data.depth_labels import class_map, dense_depth, lidar_depth
 from fusion_net.data.sensor_files import read_image, read_labels
 from fusion_net.geometry import invert
+
+MAX_WIDTH = 704
+"""Pixels that an image is wide at most unless a size is asked for: what detectors on nuScenes' 1600 commonly take."""
 
 
 @dataclass(frozen=True)
@@ -33,13 +37,6 @@ class ImageFit:
     height: int
     width: int
 
-    def __post_init__(self) -> None:
-        if self.scaled_height < self.height:
-            raise ValueError(
-                f"image_size=[{self.height}, {self.width}] is taller than the image {self.source[0]}x{self.source[1]}"
-                f" at that width; use at most [{self.scaled_height}, {self.width}]"
-            )
-
     @property
     def scaled_height(self) -> int:
         """Rows after scaling, before the cut."""
@@ -47,10 +44,6 @@ class ImageFit:
 
     def image(self, image: NDArray, interpolation: int = cv2.INTER_AREA) -> NDArray:
         """The picture (height, width, ...)."""
-        if image.shape[:2] != self.source:
-            raise ValueError(
-                f"image of {image.shape[0]}x{image.shape[1]}, its table says {self.source[0]}x{self.source[1]}"
-            )
         if self.width != self.source[1]:
             image = cv2.resize(image, (self.width, self.scaled_height), interpolation=interpolation)
         return image[self.scaled_height - self.height :]
@@ -60,6 +53,35 @@ class ImageFit:
         scaled = np.diag([self.width / self.source[1], self.scaled_height / self.source[0], 1.0]) @ cam_K
         scaled[1, 2] -= self.scaled_height - self.height
         return scaled
+
+
+def check_size(size: Sequence[int], stride: int | None) -> None:
+    """ValueError where ``size`` is not [H, W] in whole cells of ``stride`` pixels."""
+    if len(size) != 2 or min(size) < 1:
+        raise ValueError(f"image_size={list(size)} is not [height, width] in pixels")
+    if stride and (size[0] % stride or size[1] % stride):
+        near = [max(stride, pixels // stride * stride) for pixels in size]
+        raise ValueError(f"image_size={list(size)} is not in whole cells of {stride} pixels (label_stride); use {near}")
+
+
+def fit_image(source: tuple[int, int], size: Sequence[int] | None, stride: int | None) -> ImageFit:
+    """How a picture of ``source`` (H, W) becomes one of ``size``; None: at most ``MAX_WIDTH`` wide, the aspect kept but
+    for the rows and columns that make no whole cell of ``stride`` pixels, or as it is where no cells are wanted."""
+    if size is None and stride is None:
+        return ImageFit(source, *source)
+    cell = stride or 1
+    width = min(source[1], MAX_WIDTH) // cell * cell if size is None else size[1]
+    tallest = round(source[0] * width / source[1]) // cell * cell
+    if not width or not tallest:
+        raise ValueError(
+            f"label_stride={stride} is larger than the image of {source[0]}x{source[1]}; use a smaller one"
+        )
+    if size is not None and size[0] > tallest:
+        raise ValueError(
+            f"image_size={list(size)} is taller than the image of {source[0]}x{source[1]} at that width; use at most"
+            f" {[tallest, width]}"
+        )
+    return ImageFit(source, tallest if size is None else size[0], width)
 
 
 def view_camera(
@@ -78,16 +100,15 @@ def view_camera(
     """
     size = {"height": fit.height, "width": fit.width}
     cam_K = fit.cam_K(cam_K)
-    image = np.zeros((fit.height, fit.width, 3), np.uint8) if path is None else fit.image(read_image(path))
+    image = np.zeros((fit.height, fit.width, 3), np.uint8) if path is None else fit.image(read_image(path, fit.source))
     if label_stride is None:
         return CameraView(image, cam_K, ego_T_cam, path is not None, np.zeros((0, 0), np.float32), None, None)
-    check_stride(**size, stride=label_stride)
     cells = (fit.height // label_stride, fit.width // label_stride)
     if path is None:
         zero = np.zeros(cells, np.float32)
         return CameraView(image, cam_K, ego_T_cam, False, zero, zero, np.full(cells, -1))
     sparse = lidar_depth(lidar_points, invert(ego_T_cam), cam_K, **size, stride=label_stride)
-    depth, classes = (read_labels(path, suffix) for suffix in (".depth.png", ".class.png"))
+    depth, classes = (read_labels(path, suffix, fit.source) for suffix in (".depth.png", ".class.png"))
     if depth is None:
         return CameraView(image, cam_K, ego_T_cam, True, sparse, None, None)
     depth = fit.image(depth, cv2.INTER_NEAREST)

@@ -16,7 +16,8 @@ OWN_CAR = 1.0
 
 def lidar_cloud(moment: Moment, reading: Reading) -> NDArray[np.float32]:
     """Points (P, 5) LIDAR_CHANNELS of one sweep, without the car's own and without NaN."""
-    points, time = read_lidar(moment.tree.path(reading.record))
+    with moment.tree.file_of(reading.record) as path:
+        points, time = read_lidar(path)
     own = (np.abs(points[:, 0]) < OWN_CAR) & (np.abs(points[:, 1]) < OWN_CAR)
     keep = ~own & np.isfinite(points.sum(axis=1))
     if reading.faults:
@@ -48,7 +49,8 @@ def radar_cloud(moment: Moment, readings: Sequence[Reading], *, default_filter: 
 def _scan(moment: Moment, reading: Reading, default_filter: bool) -> NDArray[np.void]:
     """Detections of one radar. One that does not know where it looks takes the wrong part of the car's own speed off the
     Doppler, so that what stands still seems to move."""
-    seen = read_radar(moment.tree.path(reading.record), default_filter=default_filter)
+    with moment.tree.file_of(reading.record) as path:
+        seen = read_radar(path, default_filter=default_filter)
     if not reading.faults:
         return seen
     place = np.stack([seen["x"], seen["y"], seen["z"]], axis=1)

@@ -14,6 +14,7 @@ from torch.utils.data import DataLoader, Dataset, Sampler
 from fusion_net.bev_grid import BEVGrid
 from fusion_net.data.augment import Augment
 from fusion_net.data.faults import FaultPlan
+from fusion_net.data.missing_files import refuse_missing_files
 from fusion_net.data.samples import Sample, SampleReader, labelled_boxes
 from fusion_net.data.targets import center_targets
 from fusion_net.data.trees import open_trees, refuse_unlike_images, split_of
@@ -23,7 +24,7 @@ from fusion_net.structures import Batch
 @beartype
 class NuScenesDataset(Dataset):
     """The samples of a split of one nuScenes tree, or of several read as one: ``root`` is a tree, a folder of shards or a
-    list of these.
+    list of these. ``version`` chooses among the folders of tables of a root.
 
     ``grid``: the cells of the targets; boxes off it are left out. ``cache`` keeps what was decoded (not what was
     augmented) in memory. Further arguments are those of :class:`SampleReader`, whose faults draw from ``seed``. An index is a
@@ -36,6 +37,7 @@ class NuScenesDataset(Dataset):
         split: str,
         *,
         grid: BEVGrid,
+        version: str | None = None,
         augment: Augment | None = None,
         min_radius: int = 2,
         cache: bool = False,
@@ -44,8 +46,9 @@ class NuScenesDataset(Dataset):
     ) -> None:
         self.grid, self.augment, self.min_radius, self.cache, self.seed = grid, augment, min_radius, cache, seed
         self.reader = SampleReader(**reader, fault_seed=seed)
-        self.trees = open_trees(root)
+        self.trees = open_trees(root, version)
         self.index = split_of(self.trees, split)
+        refuse_missing_files(self.index, self.reader)
         refuse_unlike_images(self.reader, self.index)
         for tree in self.trees:
             FaultPlan(self.reader.faults).check(tree.modalities)
@@ -74,6 +77,22 @@ class NuScenesDataset(Dataset):
         """Whether any sample has a labelled object on the grid."""
         return any(
             self.grid.contains(labelled_boxes(tree, token, self.classes).center).any() for tree, token in self.index
+        )
+
+    def why_no_labels(self) -> str:
+        """Of a split without labels (:meth:`has_labels`), what they lack."""
+        found = [tree.annotations(token, self.classes) for tree, token in self.index]
+        if not any(map(len, found)):
+            return f"none of its {len(self.index)} samples has a label of {', '.join(self.classes)}"
+        if not any(each.num_pts.any() for each in found):
+            return (
+                "every label has num_lidar_pts=0 and num_radar_pts=0 in sample_annotation.json, and only those with a point"
+                " count"
+            )
+        grid = self.grid
+        return (
+            "no label with a LiDAR or radar point lies on the grid"
+            f" (x {grid.x_min} to {grid.x_max} m, y {grid.y_min} to {grid.y_max} m)"
         )
 
     @property

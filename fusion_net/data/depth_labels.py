@@ -14,13 +14,6 @@ DEPTH_UNIT = 1 / 256
 _FAR = np.uint16(65_535)
 
 
-def check_stride(height: int, width: int, stride: int) -> None:
-    """Raises where cells would be cut by the image's edge."""
-    if height % stride or width % stride:
-        fits = [str(s) for s in range(1, min(height, width) + 1) if height % s == 0 and width % s == 0]
-        raise ValueError(f"label_stride={stride} does not divide the image {height}x{width}; use {', '.join(fits)}")
-
-
 def lidar_depth(
     points: NDArray[np.float32], cam_T_ego: NDArray, cam_K: NDArray, *, height: int, width: int, stride: int
 ) -> NDArray[np.float32]:

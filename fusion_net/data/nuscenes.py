@@ -1,64 +1,52 @@
 """The tables of a nuScenes tree, ours or a real one, indexed by token.
 
-The format is that of https://www.nuscenes.org/nuscenes#data-format: a root folder with one version folder ``v1.0-*``
+The format is that of https://www.nuscenes.org/nuscenes#data-format: a root folder with a version folder ``v1.0-*``
 of JSON tables. Poses come out as ``a_T_b`` matrices; no sensor file is opened here.
 """
 
-import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from fusion_net.data.annotations import Annotations, AnnotationTable, BicycleRacks
-from fusion_net.data.origin import generating_command
+from fusion_net.data.splits import read_splits
+from fusion_net.data.table_fields import Record
+from fusion_net.data.tables import load_tables, manifest, mend, version_folder
 
-FIELDS = {
-    "category": {"name"}, "attribute": {"name"}, "instance": {"category_token"}, "sensor": {"channel", "modality"},
-    "calibrated_sensor": {"sensor_token", "translation", "rotation", "camera_intrinsic"},
-    "ego_pose": {"translation", "rotation"}, "scene": {"name", "first_sample_token"},
-    "sample": {"timestamp", "scene_token", "next"},
-    "sample_data": {
-        "sample_token", "ego_pose_token", "calibrated_sensor_token", "filename", "timestamp", "is_key_frame", "prev",
-    },
-    "sample_annotation": {
-        "sample_token", "instance_token", "visibility_token", "attribute_tokens", "translation", "size", "rotation",
-        "prev", "next", "num_lidar_pts", "num_radar_pts",
-    },
-}  # fmt: skip
-"""The tables that are read, and what a record of each must have."""
-TABLES = tuple(FIELDS)
 REFERENCE = "LIDAR_TOP"
 """The channel whose keyframe gives a sample its reference time and ego pose."""
-Record = dict[str, Any]
 
 
 class NuScenes:
     """A tree. ``tables[name][token]`` is a record, ``keyframes[sample][channel]`` the sample_data record of a
-    keyframe."""
+    keyframe. ``version``: name of the folder of tables; None for the only one."""
 
-    def __init__(self, root: str | Path) -> None:
+    def __init__(self, root: str | Path, version: str | None = None) -> None:
         self.root = Path(root)
-        self.folder = _version_folder(self.root)
-        self.tables = {name: _load_table(self.folder / f"{name}.json") for name in TABLES}
+        self.folder = version_folder(self.root, version)
+        try:
+            self.tables = load_tables(self.folder)
+        except ValueError as error:
+            raise ValueError(f"{error}; {mend(self.root)}") from None
         self._channel_of = {
             token: self.get("sensor", record["sensor_token"])["channel"]
             for token, record in self.tables["calibrated_sensor"].items()
         }
         self.keyframes: dict[str, dict[str, Record]] = {token: {} for token in self.tables["sample"]}
         for record in self.tables["sample_data"].values():
-            if record["is_key_frame"] and record["sample_token"] in self.keyframes:
+            if record["is_key_frame"]:
                 self.keyframes[record["sample_token"]][self.channel(record)] = record
         self._poses, self._mounts = _transforms(self.tables["ego_pose"]), _transforms(self.tables["calibrated_sensor"])
 
     @cached_property
     def fingerprint(self) -> str:
         """Hash of the settings that the tree was generated with; "" for a real one."""
-        return _manifest(self.root).get("hash", "")
+        return str(manifest(self.root).get("hash", ""))
 
     def get(self, table: str, token: str) -> Record:
         """One record by token."""
@@ -84,6 +72,29 @@ class NuScenes:
         """File of a sample_data record."""
         return self.root / record["filename"]
 
+    @contextmanager
+    def file_of(self, record: Record) -> Iterator[Path]:
+        """The file of a sample_data record to be read; a ValueError in reading it also names the record. ValueError when it
+        is not there."""
+        path, name = self.path(record), self.name_of("sample_data", record)
+        if not path.is_file():
+            raise ValueError(f"{path} is not there; {name} has filename={record['filename']!r}")
+        try:
+            yield path
+        except ValueError as error:
+            raise ValueError(f"{error}; {name} names this file") from None
+
+    def name_of(self, table: str, record: Record) -> str:
+        """A record as messages name it."""
+        return f"{self.folder / table}.json: the record {record['token']!r}"
+
+    def image_size(self, record: Record) -> tuple[int, int]:
+        """Height and width of the image of a camera's record."""
+        height, width = (record.get(name, 0) for name in ("height", "width"))
+        if not (height and width):
+            raise ValueError(f"{self.name_of('sample_data', record)} of a camera has height={height}, width={width}")
+        return height, width
+
     def firings(self, sample_token: str, channel: str, past: int) -> list[Record]:
         """A channel's keyframe and up to ``past`` firings before it, newest first; [] if the sensor gave no
         keyframe."""
@@ -101,7 +112,7 @@ class NuScenes:
                 return frames[channel]
         for mount in self.tables["calibrated_sensor"].values():
             is_dead = self._channel_of[mount["token"]] == channel  # in every scene of a generated tree
-            if is_dead and "height" in mount:
+            if is_dead and {"height", "width"} <= mount.keys():
                 return {"calibrated_sensor_token": mount["token"], "height": mount["height"], "width": mount["width"]}
         present = sorted({channel for frames in self.keyframes.values() for channel in frames})
         raise ValueError(f"{self.root} has no keyframe of {channel}; it has {', '.join(present)}")
@@ -110,7 +121,10 @@ class NuScenes:
         """The sample_data record that gives a sample its time and its ego frame."""
         frames = self.keyframes.get(sample_token, {})
         if REFERENCE not in frames:
-            raise ValueError(f"{self.folder / 'sample_data.json'}: sample {sample_token!r} has no {REFERENCE} keyframe")
+            raise ValueError(
+                f"{self.folder / 'sample_data.json'}: sample {sample_token!r} has no {REFERENCE} keyframe"
+                f" but {', '.join(frames) or 'none at all'}"
+            )
         return frames[REFERENCE]
 
     def global_T_ego(self, record: Record) -> NDArray[np.float64]:
@@ -124,14 +138,14 @@ class NuScenes:
     def cam_K(self, record: Record) -> NDArray[np.float64]:
         """Pinhole matrix (3, 3) of the camera that took a sample_data record."""
         mount = self.get("calibrated_sensor", record["calibrated_sensor_token"])
-        return np.array(mount["camera_intrinsic"], float).reshape(3, 3)
+        if not mount["camera_intrinsic"]:
+            raise ValueError(f"{self.name_of('calibrated_sensor', mount)} of a camera has camera_intrinsic=[]")
+        return np.array(mount["camera_intrinsic"], float)
 
     @cached_property
     def splits(self) -> dict[str, list[str]]:
-        """Scene names by split, from ``splits.json`` where there is one; "all" is every scene."""
-        path = self.folder / "splits.json"
-        named = _load_json(path) if path.exists() else {}
-        return named | {"all": [scene["name"] for scene in self.tables["scene"].values()]}
+        """Scene names by split; "all" is every scene."""
+        return read_splits(self.folder, [scene["name"] for scene in self.tables["scene"].values()])
 
     def split_name(self, name: str) -> str | None:
         """Full name of a split: itself, or the one that ends with it, as nano_val does with "val"; None if there is
@@ -143,7 +157,7 @@ class NuScenes:
         """Sample tokens of a split by scene and time; names as in :meth:`split_name`."""
         full = self.split_name(name)
         if full is None:
-            raise ValueError(f"{self.folder / 'splits.json'}: no split {name!r}; there are {', '.join(self.splits)}")
+            raise ValueError(f"{self.folder} has no split {name!r}; there are {', '.join(self.splits)}")
         scenes = {scene["name"]: scene for scene in self.tables["scene"].values()}
         unknown = [scene for scene in self.splits[full] if scene not in scenes]
         if unknown:
@@ -151,19 +165,21 @@ class NuScenes:
         return [token for scene in self.splits[full] for token in self._samples(scenes[scene])]
 
     def _samples(self, scene: Record) -> list[str]:
-        tokens, token = [], scene["first_sample_token"]
+        tokens: dict[str, None] = {}
+        token = scene["first_sample_token"]
         while token:
-            tokens.append(token)
-            token = self.get("sample", token)["next"]
-        return tokens
+            if token in tokens:
+                raise ValueError(f"{self.folder / 'sample.json'}: the 'next' of the record {token!r} leads back to it")
+            tokens[token] = None
+            token = self.tables["sample"][token]["next"]
+        return [*tokens]
 
     @cached_property
     def readings_of(self) -> dict[str, list[Record]]:
         """The sample_data records of each scene."""
         found: dict[str, list[Record]] = {token: [] for token in self.tables["scene"]}
         for record in self.tables["sample_data"].values():
-            if sample := self.tables["sample"].get(record["sample_token"]):
-                found[sample["scene_token"]].append(record)
+            found[self.tables["sample"][record["sample_token"]]["scene_token"]].append(record)
         return found
 
     def scene(self, sample_token: str) -> Record:
@@ -183,33 +199,6 @@ class NuScenes:
         return AnnotationTable(self)
 
 
-def _version_folder(root: Path) -> Path:
-    """The one folder ``v1.0-*`` of a tree that is whole."""
-    if not root.is_dir() or not any(root.iterdir()):
-        raise ValueError(f"no data in {root}; make some: python -m data_gen data=nano data.root={root}")
-    manifest = _manifest(root)
-    if not manifest.get("complete", True):
-        command = generating_command(root, manifest) or "give the command that made it again"
-        raise ValueError(f"{root} is half generated; this goes on where it stopped: {command}")
-    found = sorted(path for path in root.glob("v1.0-*") if path.is_dir())
-    if len(found) != 1:
-        names = ", ".join(path.name for path in found) or "none"
-        raise ValueError(f"{root} needs one folder v1.0-* of tables and has {names}; is it a nuScenes root?")
-    missing = [name for name in TABLES if not (found[0] / f"{name}.json").exists()]
-    if missing:
-        raise ValueError(f"{found[0]} lacks {', '.join(f'{name}.json' for name in missing)}: generate it again")
-    return found[0]
-
-
-def _manifest(root: Path) -> dict[str, Any]:
-    """What a generated tree says of itself; {} for a real one."""
-    path = root / "manifest.json"
-    manifest = _load_json(path) if path.exists() else {}
-    if not isinstance(manifest, dict):
-        raise ValueError(f"{path} is no manifest of generated data; generate it again")
-    return manifest
-
-
 def _transforms(table: dict[str, Record]) -> dict[str, NDArray[np.float64]]:
     """``a_T_b`` (4, 4) by token, from the records' rotation and translation; converted at once, which is 50 times
     faster."""
@@ -220,22 +209,3 @@ def _transforms(table: dict[str, Record]) -> dict[str, NDArray[np.float64]]:
     a_T_b[:, :3, :3] = Rotation.from_quat(rotation, scalar_first=True).as_matrix()
     a_T_b[:, :3, 3] = [record["translation"] for record in table.values()]
     return dict(zip(table, a_T_b, strict=True))
-
-
-def _load_table(path: Path) -> dict[str, Record]:
-    try:
-        table = {record["token"]: record for record in _load_json(path)}
-    except (TypeError, KeyError):
-        raise ValueError(f"{path} is not a nuScenes table: a list of records with a token each") from None
-    fields = FIELDS[path.stem]
-    for token, record in table.items():
-        if not fields <= record.keys():
-            raise ValueError(f"{path}: the record {token!r} has no {', '.join(sorted(fields - record.keys()))}")
-    return table
-
-
-def _load_json(path: Path) -> Any:
-    try:
-        return json.loads(path.read_bytes())
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path} is damaged or cut short ({error}); generate it again") from None

@@ -40,8 +40,8 @@ class Moment:
         self.scene = tree.get("sample", token)["scene_token"]
 
     def readings(self, channel: str, past: int = 0) -> list[Reading]:
-        """The channel's keyframe and up to ``past`` firings before it, newest first; [] if the sensor is dead: its keyframe
-        is not on disk, or a fault takes it."""
+        """The channel's keyframe and up to ``past`` firings before it, newest first; [] if the sensor is dead: the tables
+        have no keyframe of it, or a fault takes it."""
         found: dict[str, Reading] = {}
         for place, record in enumerate(self.tree.firings(self.token, channel, past)):
             reading = self._reading(channel, record)
@@ -52,8 +52,6 @@ class Moment:
         return list(found.values())
 
     def _reading(self, channel: str, record: Record) -> Reading | None:
-        if not self.tree.path(record).exists():
-            return None
         faults = self._faults(channel, record["sample_token"])
         if faults.dead:
             return None
@@ -77,7 +75,7 @@ class Moment:
     def _source(self, record: Record, faults: SensorFaults) -> tuple[Record, int]:
         """The firing whose data come in the place of ``record``'s, and the time that the car believes of them.
 
-        A clock that is ``error`` s ahead gives, under a stamp, what was seen ``error`` s before it: of the firings on disk
+        A clock that is ``error`` s ahead gives, under a stamp, what was seen ``error`` s before it: of the recorded firings
         the nearest to that, stamped with the error that is left. A stale frame then is an earlier one under that stamp.
         """
         first = self.tree.get("sample", self.tree.get("scene", self.scene)["first_sample_token"])["timestamp"]
@@ -98,7 +96,6 @@ class Moment:
         return record
 
     def _neighbour(self, record: Record, way: str) -> Record | None:
-        """The channel's firing before or after one, if it is on disk."""
+        """The channel's firing before or after one, if there is one."""
         token = record.get(way)
-        other = self.tree.get("sample_data", token) if token else None
-        return other if other is not None and self.tree.path(other).exists() else None
+        return self.tree.get("sample_data", token) if token else None

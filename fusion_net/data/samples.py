@@ -2,6 +2,7 @@
 at the time of the LIDAR_TOP keyframe.
 """
 
+from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -10,7 +11,7 @@ from beartype import beartype
 from numpy.typing import NDArray
 
 from fusion_net.boxes import CLASSES, Boxes, transform_boxes
-from fusion_net.data.cameras import CameraView, ImageFit, view_camera
+from fusion_net.data.cameras import CameraView, check_size, fit_image, view_camera
 from fusion_net.data.clouds import lidar_cloud, radar_cloud
 from fusion_net.data.fault_effects import smear
 from fusion_net.data.faults import Fault, FaultPlan
@@ -44,12 +45,13 @@ class SampleReader:
     """How a keyframe is read.
 
     ``cameras``: channels, None for all that the tree has. ``image_size`` [H, W]: images are scaled to W and lose rows
-    at the top; None: as they are. ``lidar_sweeps``, ``radar_sweeps``: firings before the keyframe's that are added to
-    it. ``motion_compensation`` False leaves each reading in the ego frame of its own time. ``propagate_radar`` moves
-    radar points to the reference time by their measured (radial) velocity, and ``propagate_lidar`` the LiDAR points near
-    them. ``modalities``: the others are not given and not present. ``label_stride``: pixels a cell of the depth and class
-    labels (LiDAR depth is there even if the LiDAR is not given); None for no such labels. ``faults`` spoil what is read;
-    what they draw follows from ``fault_seed`` and the sample.
+    at the top; None: at most ``cameras.MAX_WIDTH`` wide and cut to whole cells of ``label_stride``, or as they are without
+    one. ``lidar_sweeps``, ``radar_sweeps``: firings before the keyframe's that are added to it. ``motion_compensation``
+    False leaves each reading in the ego frame of its own time. ``propagate_radar`` moves radar points to the reference time
+    by their measured (radial) velocity, and ``propagate_lidar`` the LiDAR points near them. ``modalities``: files of the
+    others are not opened, and they are not present. ``label_stride``: pixels a cell of the depth and class labels (the
+    LiDAR is then read for them even if it is not given); None for no such labels. ``faults`` spoil what is read; what they
+    draw follows from ``fault_seed`` and the sample.
     """
 
     classes: list[str] = field(default_factory=lambda: list(CLASSES))
@@ -73,15 +75,24 @@ class SampleReader:
                 raise ValueError(f"{name}: {wrong[0]!r} is unknown or there twice; choose from {', '.join(known)}")
         if self.lidar_sweeps < 0 or self.radar_sweeps < 0:
             raise ValueError(f"lidar_sweeps={self.lidar_sweeps}, radar_sweeps={self.radar_sweeps}: use 0 or more")
+        if self.label_stride is not None and self.label_stride < 1:
+            raise ValueError(f"label_stride={self.label_stride}: use 1 or more pixels")
+        if self.image_size is not None:
+            check_size(self.image_size, self.label_stride)
+
+    def channels_of(self, tree: NuScenes) -> dict[str, int]:
+        """The channels of a tree whose files are read, each with the number of firings before the keyframe's."""
+        past = {"camera": 0, "lidar": self.lidar_sweeps, "radar": self.radar_sweeps}
+        return {channel: past[name] for name in MODALITIES for channel in self._channels(tree, name)}
 
     def read(self, tree: NuScenes, token: str) -> Sample:
         """The sample with this token."""
         plan = FaultPlan(self.faults, self.fault_seed)
         moment = Moment(tree, token, plan, motion_compensation=self.motion_compensation)
         lidar, newest = self._lidar(moment)
-        views = [self._camera(moment, channel, lidar[:newest]) for channel in self._camera_channels(tree)]
-        channels = tree.channels("radar") if "radar" in self.modalities else []
-        scans = [reading for channel in channels for reading in moment.readings(channel, self.radar_sweeps)]
+        views = [self._camera(moment, channel, lidar[:newest]) for channel in self._channels(tree, "camera")]
+        radars = self._channels(tree, "radar")
+        scans = [reading for channel in radars for reading in moment.readings(channel, self.radar_sweeps)]
         radar = radar_cloud(moment, scans, default_filter=self.radar_default_filter)
         at_reference = propagate_radar(radar)
         present = {"camera": any(view.alive for view in views), "lidar": newest > 0, "radar": bool(scans)}
@@ -97,35 +108,37 @@ class SampleReader:
 
     def _lidar(self, moment: Moment) -> tuple[NDArray[np.float32], int]:
         """Points (P, 5), those of the keyframe first, and how many these are (0: the LiDAR is dead)."""
-        wanted = "lidar" in self.modalities or ("camera" in self.modalities and self.label_stride is not None)
         new: list[NDArray[np.float32]] = [np.zeros((0, len(LIDAR_CHANNELS)), np.float32)]
         old: list[NDArray[np.float32]] = []
-        for channel in moment.tree.channels("lidar") if wanted else ():
+        for channel in self._channels(moment.tree, "lidar"):
             clouds = [lidar_cloud(moment, reading) for reading in moment.readings(channel, self.lidar_sweeps)]
             if clouds and len(clouds[0]):
                 new, old = [*new, clouds[0]], [*old, *clouds[1:]]
         return np.concatenate(new + old), sum(map(len, new))
 
-    def _camera_channels(self, tree: NuScenes) -> list[str]:
-        if "camera" not in self.modalities:
+    def _channels(self, tree: NuScenes, modality: str) -> list[str]:
+        """Channels of a modality that are read; the LiDAR's also where it labels the cells of images."""
+        labels = modality == "lidar" and "camera" in self.modalities and self.label_stride is not None
+        if modality not in self.modalities and not labels:
             return []
-        return tree.channels("camera") if self.cameras is None else self.cameras
+        return self.cameras if modality == "camera" and self.cameras is not None else tree.channels(modality)
 
     def _camera(self, moment: Moment, channel: str, lidar: NDArray[np.float32]) -> CameraView:
         tree = moment.tree
         alive = moment.readings(channel)
         record = alive[0].record if alive else tree.any_firing(channel)
-        size = (record["height"], record["width"])
-        fit = ImageFit(size, *(self.image_size or size))
-        view = view_camera(
-            tree.path(record) if alive else None,
-            fit,
-            tree.cam_K(record),
-            alive[0].ego_T_sensor if alive else tree.ego_T_sensor(record),
-            lidar_points=lidar,
-            label_of=self._label_of_pixel(),
-            label_stride=self.label_stride,
-        )
+        size = tree.image_size(record)
+        with tree.file_of(record) if alive else nullcontext() as path:
+            fit = fit_image(size, self.image_size, self.label_stride)
+            view = view_camera(
+                path,
+                fit,
+                tree.cam_K(record),
+                alive[0].ego_T_sensor if alive else tree.ego_T_sensor(record),
+                lidar_points=lidar,
+                label_of=self._label_of_pixel(),
+                label_stride=self.label_stride,
+            )
         covered = alive[0].faults.covered(*size) if alive else None
         return (
             view if covered is None else replace(view, image=smear(view.image, fit.image(covered.view(np.uint8)) > 0))

@@ -15,6 +15,8 @@ RADAR_FIELDS = (
     "x", "y", "z", "dyn_prop", "id", "rcs", "vx", "vy", "vx_comp", "vy_comp", "is_quality_valid", "ambig_state",
     "x_rms", "y_rms", "invalid_state", "pdh0", "vx_rms", "vy_rms",
 )  # fmt: skip
+LABEL_TYPES = {".depth.png": "uint16", ".class.png": "uint8"}
+"""Of the pictures beside an image: the type of a pixel, one value each."""
 _PCD_KINDS = {"F": "f", "I": "i", "U": "u"}
 _DEFAULT_FILTER = {"invalid_state": (0,), "dyn_prop": tuple(range(7)), "ambig_state": (3,)}
 
@@ -70,24 +72,31 @@ def _pcd_layout(head: bytes) -> tuple[np.dtype, int] | None:
     return (dtype, count) if dtype.names == RADAR_FIELDS else None
 
 
-def read_image(path: Path) -> NDArray[np.uint8]:
-    """RGB image (H, W, 3)."""
-    return np.asarray(cv2.cvtColor(_decode(path, cv2.IMREAD_COLOR), cv2.COLOR_BGR2RGB), np.uint8)
+def read_image(path: Path, size: tuple[int, int]) -> NDArray[np.uint8]:
+    """RGB image (H, W, 3) of the size (H, W) that its record says."""
+    return np.asarray(cv2.cvtColor(_decode(path, cv2.IMREAD_COLOR, size), cv2.COLOR_BGR2RGB), np.uint8)
 
 
-def read_labels(path: Path, suffix: str) -> NDArray | None:
-    """The picture ``<stem><suffix>`` beside an image, such as ``.depth.png`` (H, W) uint16; None where there is
-    none."""
+def read_labels(path: Path, suffix: str, size: tuple[int, int]) -> NDArray | None:
+    """The picture ``<stem><suffix>`` of one of LABEL_TYPES beside an image of a size (H, W); None where there is none."""
     side_file = path.with_suffix(suffix)
-    return _decode(side_file, cv2.IMREAD_UNCHANGED) if side_file.exists() else None
+    if not side_file.exists():
+        return None
+    labels = _decode(side_file, cv2.IMREAD_UNCHANGED, size)
+    if labels.dtype != LABEL_TYPES[suffix] or labels.ndim != 2:
+        raise ValueError(f"{side_file} is no picture of one channel of {LABEL_TYPES[suffix]}")
+    return labels
 
 
-def _decode(path: Path, flags: int) -> NDArray:
+def _decode(path: Path, flags: int, size: tuple[int, int]) -> NDArray:
     """Decoded picture. The end marker is looked for first, because the decoder pads a file that is cut short with
-    grey."""
+    grey; zero bytes may follow it."""
     data = path.read_bytes()
     end = b"IEND" if path.suffix == ".png" else b"\xff\xd9"
-    image = cv2.imdecode(np.frombuffer(data, np.uint8), flags) if end in data[-32:] else None
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), flags) if end in data.rstrip(b"\0")[-32:] else None
     if image is None:
         raise ValueError(f"{path} is damaged or cut short: {len(data)} bytes that are no whole image")
+    if image.shape[:2] != size:
+        found, said = (f"height={height}, width={width}" for height, width in (image.shape[:2], size))
+        raise ValueError(f"{path} is an image of {found}, not of {said} as sample_data.json says")
     return image

@@ -8,18 +8,25 @@ from pathlib import Path
 
 from fusion_net.data.nuscenes import NuScenes
 from fusion_net.data.samples import SampleReader
+from fusion_net.data.tables import versions
 
 SHARD = re.compile(r"shard-(\d+)-of-(\d+)")
 """Name of a generated shard's folder: its number, from 1, and how many there are."""
 
 
-def open_trees(root: str | Sequence[str]) -> list[NuScenes]:
-    """The trees of a folder or of a list of folders, each a tree itself or a folder of shards. ValueError when shards do
-    not belong together; missing ones are named on stderr."""
-    folders = [root] if isinstance(root, str) else root
+def open_trees(root: str | Sequence[str], version: str | None = None) -> list[NuScenes]:
+    """The trees of a folder or of a list of folders, each a tree itself or a folder of shards. ``version`` names the folder
+    of tables; in a list it chooses where there are several. ValueError when shards do not belong together; missing ones
+    are named on stderr."""
+    folders = [Path(folder) for folder in ([root] if isinstance(root, str) else root)]
     if not folders:
         raise ValueError("data.root=[] names no folder of data")
-    return [tree for folder in folders for tree in _open(Path(folder))]
+    has_choice = [len(folders) == 1 or len(versions(folder)) > 1 for folder in folders]
+    return [
+        tree
+        for folder, own in zip(folders, has_choice, strict=True)
+        for tree in _open(folder, version if own else None)
+    ]
 
 
 def split_of(trees: Sequence[NuScenes], name: str) -> list[tuple[NuScenes, str]]:
@@ -48,19 +55,19 @@ def refuse_unlike_images(reader: SampleReader, samples: Sequence[tuple[NuScenes,
             both = ((one, shape), (other, unlike))
             said = [f"{root} has {n} of {width}x{height}" for root, (n, height, width) in both]
             raise ValueError(
-                f"images that no batch can hold: {', '.join(said)}; choose the same for both with +reader.train.cameras"
-                " and +reader.train.image_size, or use one of the folders"
+                f"images that no batch can hold: {', '.join(said)}; choose the same for both with reader.train.cameras"
+                " and reader.train.image_size, or use one of the folders"
             )
 
 
-def _open(folder: Path) -> list[NuScenes]:
+def _open(folder: Path, version: str | None) -> list[NuScenes]:
     found = {path: match for path in sorted(folder.glob("shard-*")) if (match := SHARD.fullmatch(path.name))}
     if not found or (folder / "manifest.json").exists():
-        return [NuScenes(folder)]
+        return [NuScenes(folder, version)]
     counts = sorted({int(match[2]) for match in found.values()})
     if len(counts) > 1:
         raise ValueError(f"{folder} holds shards of {counts[0]} and of {counts[1]}: move one kind to another folder")
-    trees = [NuScenes(path) for path in found]
+    trees = [NuScenes(path, version) for path in found]
     for tree in trees:
         if tree.fingerprint != trees[0].fingerprint:
             hashes = f"manifest {trees[0].fingerprint[:12]} and {tree.fingerprint[:12]}"
@@ -77,8 +84,8 @@ def _refuse_twice(samples: list[tuple[NuScenes, str]]) -> None:
     for tree, token in samples:
         if token in owner:
             raise ValueError(
-                f"{owner[token].root} and {tree.root} hold the same samples, of {tree.scene(token)['name']}: leave one out,"
-                " or generate it under a name of its own (data.name=NAME)"
+                f"{owner[token].root} and {tree.root} hold the same samples, of {tree.scene(token)['name']}: leave one out"
+                + ", or generate it under a name of its own (data.name=NAME)" * bool(tree.fingerprint)
             )
         owner[token] = tree
 

@@ -84,9 +84,7 @@ def read_bodies(truth: GroundTruth, samples: Sequence[tuple[NuScenes, str]]) -> 
             token: tree.get("category", i["category_token"])["name"] for token, i in tree.tables["instance"].items()
         }
         for record in tree.tables["sample_annotation"].values():
-            if (
-                record["sample_token"] not in place or "imitates" not in record
-            ):  # not generated: exact velocities neither
+            if record["sample_token"] not in place or not {"imitates", "velocity"} <= record.keys():  # not generated
                 continue
             name = CATEGORY_TO_CLASS.get(record["imitates"] or category[record["instance_token"]], "")
             if name in truth.classes:

@@ -32,14 +32,17 @@ def load_run(
     checkpoint: str = "best",
     split: str | None = None,
     root: str | Sequence[str] | None = None,
+    version: str | None = None,
     fault: DictConfig | None = None,
 ) -> tuple[FusionNet, NuScenesDataset, DictConfig]:
     """A trained model in evaluation mode, the samples of a split, spoiled by ``fault``, and the settings it was trained
-    with. ``split`` and ``root`` are those that the run validated on where they are None."""
+    with. ``split``, ``root`` and ``version`` are those that the run validated on where they are None."""
     cfg = load_config(folder)
     reader = cfg.reader.val.copy()
-    is_own_data = root is None or is_same_data(root, cfg.data.root)
-    reader.root, reader.cache = cfg.data.root if is_own_data else root, False
+    own_version = cfg.data.get("version")
+    is_own_data = (root is None or is_same_data(root, cfg.data.root)) and version in (None, own_version)
+    reader.root, reader.cache = cfg.data.root if root is None else root, False
+    reader.version = own_version if is_own_data else version
     reader.split = split or reader.split
     if fault is not None:
         reader.faults = fault
@@ -56,7 +59,12 @@ def evaluate_run(cfg: DictConfig) -> None:
     labels the result file alone."""
     folder = Path(cfg.run)
     model, dataset, trained = load_run(
-        folder, checkpoint=cfg.checkpoint, split=cfg.split, root=cfg.data.root, fault=cfg.fault
+        folder,
+        checkpoint=cfg.checkpoint,
+        split=cfg.split,
+        root=cfg.data.root,
+        version=cfg.data.version,
+        fault=cfg.fault,
     )
     own_split, own_root = trained.reader.val.split, trained.data.root
     split, root = cfg.split or own_split, cfg.data.root or own_root
@@ -67,6 +75,8 @@ def evaluate_run(cfg: DictConfig) -> None:
         own_split=own_split,
         root=root,
         own_root=own_root,
+        version=cfg.data.version,
+        own_version=trained.data.get("version"),
         checkpoint=cfg.checkpoint,
         fault=f"{cfg.fault.name}_{cfg.fault.severity}" if dataset.reader.faults else "",
     )
@@ -95,7 +105,7 @@ def evaluate_run(cfg: DictConfig) -> None:
         doc["decoys"] = audit
     write_drop_table(target, doc)
     decoys.write(target, audit)
-    (target / "env.json").write_text(json.dumps(surroundings, indent=1) + "\n")
+    (target / "env.json").write_text(json.dumps(surroundings, indent=1) + "\n", encoding="utf-8")
     write_results(target / RESULTS, table.tables[0], tokens=truth.tokens, classes=dataset.classes)
     plot_drop_table(target / "drop_table.png", doc)
     picture_sheet(target / "pictures.png", dataset, table.found[0])

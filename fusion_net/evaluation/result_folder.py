@@ -20,14 +20,16 @@ def result_folder(
     own_split: str,
     root: Roots,
     own_root: Roots,
+    version: str | None = None,
+    own_version: str | None = None,
     checkpoint: str = "best",
     fault: str = "",
 ) -> Path:
-    """RUN/eval[/SPLIT[@ROOT]][/CHECKPOINT][/FAULT]: parts only for what differs from the split (of ``trees``), the data, the
-    best checkpoint and the sound sensors of the run's own validation, so that no evaluation overwrites another."""
+    """RUN/eval[/SPLIT[@ROOT[/VERSION]]][/CHECKPOINT][/FAULT]: parts only for what differs from the split (of ``trees``), the
+    data, the best checkpoint and the sound sensors of the run's own validation, so that no evaluation overwrites another."""
     samples = ""
-    if not is_same_data(root, own_root):
-        samples = f"{_name(split)}@{'+'.join(_name(_shown(path)) for path in _folders(root))}"
+    if not is_same_data(root, own_root) or version not in (None, own_version):
+        samples = f"{_name(split)}@{'+'.join(_name(_shown(path)) for path in _folders(root))}/{version or ''}"
     elif any(tree.split_name(split) != tree.split_name(own_split) for tree in trees):
         samples = _name(split)
     return run / "eval" / samples / ("" if checkpoint == "best" else checkpoint) / fault

@@ -84,7 +84,7 @@ def write_results(
         )
     meta = {f"use_{name}": name in sensors for name in (*MODALITIES, "map", "external")}
     partial = path.with_name(path.name + ".part")
-    partial.write_text(json.dumps({"meta": meta, "results": results}))
+    partial.write_text(json.dumps({"meta": meta, "results": results}), encoding="utf-8")
     partial.replace(path)
 
 

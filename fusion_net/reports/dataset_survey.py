@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fusion_net.boxes import CLASSES, Boxes
+from fusion_net.data.missing_files import refuse_missing_files
 from fusion_net.data.nuscenes import NuScenes
 from fusion_net.data.samples import SampleReader
 from fusion_net.data.sensor_files import read_image, read_radar
@@ -76,6 +77,8 @@ def survey(samples: Sequence[tuple[NuScenes, str]], *, files: int) -> Survey:
     first = samples[0][0]
     found.channels = {name: first.channels(name) for name in ("camera", "lidar", "radar")}
     opened = set(np.linspace(0, len(samples) - 1, files).round().astype(int).tolist())
+    reader = SampleReader(cameras=found.channels["camera"][:1], lidar_sweeps=0, radar_sweeps=0, label_stride=None)
+    refuse_missing_files([samples[row] for row in sorted(opened)], reader)
     parts = []
     for row, (tree, token) in enumerate(samples):
         scene = tree.scene(token)
@@ -108,7 +111,8 @@ def _readings(tree: NuScenes, token: str, row: int, found: Survey) -> Readings:
     light = np.array([np.nan, np.nan])
     camera = next((tree.keyframes[token][c] for c in found.channels["camera"] if c in tree.keyframes[token]), None)
     if camera is not None:
-        image = read_image(tree.path(camera))
+        with tree.file_of(camera) as path:
+            image = read_image(path, tree.image_size(camera))
         found.image_size = image.shape[1], image.shape[0]
         found.pictures.setdefault((found.condition[row], found.severity[row]), image)
         grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
@@ -126,7 +130,10 @@ def _readings(tree: NuScenes, token: str, row: int, found: Survey) -> Readings:
 def _radar_returns(tree: NuScenes, token: str, channel: str) -> int:
     """Returns of one unit's keyframe scan, -1 where it gave none."""
     records = tree.firings(token, channel, 0)
-    return len(read_radar(tree.path(records[0]))) if records else -1
+    if not records:
+        return -1
+    with tree.file_of(records[0]) as path:
+        return len(read_radar(path))
 
 
 def _rcs_of(boxes: Boxes, radar: NDArray[np.float32]) -> dict[str, NDArray[np.float32]]:

@@ -20,7 +20,7 @@ def write(folder: Path, audit: Audit) -> None:
     """Writes ``decoys.{csv,md}``, or removes what an earlier evaluation left where the data has no decoys."""
     for name, render in (("decoys.csv", as_csv), ("decoys.md", as_markdown)):
         if audit:
-            (folder / name).write_text(render(audit))
+            (folder / name).write_text(render(audit), encoding="utf-8")
         else:
             (folder / name).unlink(missing_ok=True)
 

@@ -34,9 +34,9 @@ def document(
 def write_drop_table(folder: Path, doc: dict[str, Any]) -> None:
     """Writes ``drop_table.{json,csv,md}``."""
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / "drop_table.json").write_text(json.dumps(doc, indent=1, allow_nan=False) + "\n")
-    (folder / "drop_table.csv").write_text(as_csv(doc))
-    (folder / "drop_table.md").write_text(as_markdown(doc))
+    (folder / "drop_table.json").write_text(json.dumps(doc, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    (folder / "drop_table.csv").write_text(as_csv(doc), encoding="utf-8")
+    (folder / "drop_table.md").write_text(as_markdown(doc), encoding="utf-8")
 
 
 def name_of(sensors: Sequence[str]) -> str:

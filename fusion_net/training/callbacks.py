@@ -123,7 +123,7 @@ class MetricsCSV(pl.Callback):
 
     def _append(self, trainer: pl.Trainer, prefix: str) -> None:
         is_new = not self.path.exists()
-        with self.path.open("a", newline="") as file:
+        with self.path.open("a", newline="", encoding="utf-8") as file:
             writer = csv.writer(file)
             if is_new:
                 writer.writerow(["step", "name", "value"])

@@ -35,12 +35,10 @@ def fit(cfg: DictConfig) -> Path:
     if len(train_set) < settings.batch_size:
         raise ValueError(
             f"{cfg.data.root} has {len(train_set)} training samples, fewer than trainer.batch_size={settings.batch_size};"
-            f" generate more: python -m data_gen data={cfg.data.name} data.root={cfg.data.root}"
+            " take a smaller batch or more data"
         )
     if not train_set.has_labels():
-        raise ValueError(
-            f"no labelled object of {cfg.data.root} lies on the grid ({_extent(cfg.grid)}): the rig cannot see it"
-        )
+        raise ValueError(f"nothing to train on in {cfg.data.root}: {train_set.why_no_labels()}")
     plan = _plan(cfg)
     module = DetectorModule(
         model,
@@ -82,10 +80,6 @@ def fit(cfg: DictConfig) -> Path:
     trainer.save_checkpoint(last)
     mark_finished(folder)
     return folder
-
-
-def _extent(grid: DictConfig) -> str:
-    return f"x {grid.x_min} to {grid.x_max} m, y {grid.y_min} to {grid.y_max} m"
 
 
 def _plan(cfg: DictConfig) -> TrainingPlan:

@@ -1,6 +1,7 @@
 """Draws a sample's calibration: LiDAR points and boxes on every image, and all sensors from above.
 
     python -m fusion_net.viz.lidar_check data/surround [sample=N] [split=val] [error_deg=0.5] [follow=no] out=check.png
+    python -m fusion_net.viz.lidar_check data/nuscenes version=v1.0-mini        of several versions in one folder
 
 A sharp fit of the points to the edges in the images means that extrinsics, intrinsics and ego-motion are read correctly.
 Points and boxes of moving objects are drawn where they were when the camera fired, by the velocity of their labels;
@@ -17,15 +18,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fusion_net.bev_grid import BEVGrid
+from fusion_net.data.missing_files import refuse_missing_files
 from fusion_net.data.nuscenes import REFERENCE, NuScenes
 from fusion_net.data.samples import Sample, SampleReader
 from fusion_net.data.sensor_files import read_labels
+from fusion_net.data.table_fields import Record
+from fusion_net.terminal import print_any_text
 from fusion_net.viz.bev import BEVPanel, Image, boxes_on_image, depth_colors, points_on_image
 from fusion_net.viz.calibration import agreement, at_time, follow, turned
 
 BOX, RADAR, PANEL_WIDTH = (255, 220, 60), (255, 90, 200), 960
-OPTIONS = {"sample": "0", "split": "all", "out": "lidar_check.png", "error_deg": "0", "follow": "yes"}
-USAGE = "usage: ROOT [sample=N] [split=NAME] [error_deg=DEGREES] [follow=yes|no] [out=PNG]"
+OPTIONS = {"sample": "0", "split": "all", "out": "lidar_check.png", "error_deg": "0", "follow": "yes", "version": ""}
+USAGE = "usage: ROOT [sample=N] [split=NAME] [error_deg=DEGREES] [follow=yes|no] [out=PNG] [version=NAME]"
 DEPTH_SCALE = 256.0  # depth images count 1/256 m
 
 
@@ -123,12 +127,17 @@ def read_shots(tree: NuScenes, token: str) -> list[Shot]:
     reference, shots = tree.reference(token), []
     for channel in tree.channels("camera"):
         record = tree.keyframes[token].get(channel)
-        depth = read_labels(tree.path(record), ".depth.png") if record else None
-        exact = None if depth is None else depth.astype(np.float32) / DEPTH_SCALE
+        exact = None if record is None else _exact_depth(tree, record)
         time = (record["timestamp"] - reference["timestamp"]) * 1e-6 if record else 0.0
         view = SampleReader(cameras=[channel], modalities=["camera"], label_stride=None).read(tree, token)
         shots.append(Shot(channel, view.images[0], view.cam_K[0], view.ego_T_cam[0], time, exact))
     return shots
+
+
+def _exact_depth(tree: NuScenes, record: Record) -> NDArray[np.float32] | None:
+    with tree.file_of(record) as path:
+        depth = read_labels(path, ".depth.png", tree.image_size(record))
+    return None if depth is None else depth.astype(np.float32) / DEPTH_SCALE
 
 
 def main(arguments: list[str]) -> None:
@@ -144,11 +153,12 @@ def main(arguments: list[str]) -> None:
         raise ValueError(f"out={out} is no picture; end it with .png or .jpg")
     if options["follow"] not in ("yes", "no"):
         raise ValueError(f"follow={options['follow']}: write follow=yes or follow=no")
-    tree = NuScenes(root)
+    tree = NuScenes(root, options["version"] or None)
     tokens = tree.split(options["split"])
     if not options["sample"].isdecimal() or int(options["sample"]) >= len(tokens):
         raise ValueError(f"sample={options['sample']}: split {options['split']} has samples 0 to {len(tokens) - 1}")
     token = tokens[int(options["sample"])]
+    refuse_missing_files([(tree, token)], SampleReader(label_stride=None))
     sample = SampleReader(cameras=[], label_stride=None).read(tree, token)
     all_round = not len(sample.lidar_points) or (sample.lidar_points[:, 0] < -5).mean() > 0.1
     grid = BEVGrid(-50.0, 50.0, -50.0, 50.0, 1.0) if all_round else BEVGrid(-5.0, 60.0, -35.0, 35.0, 1.0)
@@ -172,6 +182,7 @@ def _degrees(text: str) -> float:
 
 
 if __name__ == "__main__":
+    print_any_text()
     try:
         main(sys.argv[1:])
     except (ValueError, OSError) as error:

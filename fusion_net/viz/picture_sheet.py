@@ -23,6 +23,8 @@ LEGEND = (
 )
 WIDTH = 640
 """Pixels that the cameras of a sample are wide."""
+ALONE = 480
+"""Pixels that the ground is high where there is no camera beside it."""
 
 
 def picture_sheet(
@@ -43,10 +45,12 @@ def picture_sheet(
 
 
 def draw_sample(sample: Sample, found: Boxes, dataset: NuScenesDataset) -> Image:
-    """One tile: the cameras with labels, the same with predictions, and the ground from above with both."""
-    cameras = np.concatenate(
-        [_cameras(sample, sample.boxes, LABEL, dataset.classes), _cameras(sample, found, FOUND, dataset.classes)]
-    )
+    """One tile: the cameras with labels, the same with predictions, and the ground from above with both. Without a camera
+    only the ground."""
+    both = ((sample.boxes, LABEL), (found, FOUND))
+    cameras = np.zeros((ALONE, 0, 3), np.uint8)
+    if len(sample.images):
+        cameras = np.concatenate([_cameras(sample, boxes, color, dataset.classes) for boxes, color in both])
     grid = dataset.grid
     panel = BEVPanel(grid, scale=len(cameras) / (grid.x_max - grid.x_min))
     ground = panel.canvas()

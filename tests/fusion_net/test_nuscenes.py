@@ -1,4 +1,5 @@
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -79,11 +80,14 @@ def test_missing_folder_names_the_command(tmp_path):
     [
         (lambda root: (root / "manifest.json").write_text('{"complete": false}'), "is half generated"),
         (lambda root: (root / "manifest.json").write_text('{"compl'), r"manifest.json is damaged or cut short"),
-        (lambda root: (root / "v1.0-tiny").rename(root / "tables"), r"one folder v1.0-\* of tables and has none"),
-        (lambda root: (root / "v1.0-mini").mkdir(), r"has v1.0-mini, v1.0-tiny"),
+        (lambda root: (root / "v1.0-tiny").rename(root / "tables"), r"needs a folder v1.0-\* of tables and has none"),
+        (lambda root: shutil.copytree(root / "v1.0-tiny", root / "v1.0-mini"), r"versions v1.0-mini, v1.0-tiny"),
         (lambda root: (root / "v1.0-tiny/ego_pose.json").unlink(), r"v1.0-tiny lacks ego_pose.json"),
         (lambda root: (root / "v1.0-tiny/sample.json").write_text('{"a": 1}'), "sample.json is not a nuScenes table"),
-        (lambda root: (root / "v1.0-tiny/calibrated_sensor.json").write_text("[]"), r"no record with the token 'calib"),
+        (
+            lambda root: (root / "v1.0-tiny/calibrated_sensor.json").write_text("[]"),
+            r"sample_data.json: the record .*'calib",
+        ),
         (lambda root: _cut(root / "v1.0-tiny/sample_data.json"), r"sample_data.json is damaged or cut short"),
     ],
 )

@@ -123,6 +123,6 @@ def test_a_mistake_is_refused_before_anything_is_written(data, tmp_path, monkeyp
 
 def test_a_grid_without_any_label_is_refused(data, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(ValueError, match=r"no labelled object of .* lies on the grid \(x -60.0 to -40.0 m"):
+    with pytest.raises(ValueError, match=r"no label with a LiDAR or radar point lies on the grid \(x -60.0 to -40.0 m"):
         fit(settings(data, "grid.x_min=-60.0", "grid.x_max=-40.0"))
     assert not (tmp_path / "runs").exists()

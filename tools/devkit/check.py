@@ -63,7 +63,9 @@ def main() -> None:
     except (AssertionError, KeyError, OSError, ValueError) as error:
         sys.exit(f"error: the devkit refused {arguments.root}: {type(error).__name__}: {error}")
     if arguments.json:
-        arguments.json.write_text(json.dumps([asdict(finding) for finding in findings], indent=1) + "\n")
+        arguments.json.write_text(
+            json.dumps([asdict(finding) for finding in findings], indent=1) + "\n", encoding="utf-8"
+        )
     failed = [finding for finding in findings if not finding.passed]
     if failed:
         sys.exit(f"error: {len(failed)} of {len(findings)} checks failed on {arguments.root}: {failed[0].what}")

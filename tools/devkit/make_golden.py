@@ -22,11 +22,11 @@ def main(path: Path) -> None:
     with tempfile.TemporaryDirectory() as folder:
         write_tree(Path(folder), tables)
         result_file = Path(folder) / "results.json"
-        result_file.write_text(json.dumps(results))
+        result_file.write_text(json.dumps(results), encoding="utf-8")
         summary = score(Path(folder), SPLIT, result_file)
     kept = ("label_aps", "mean_ap", "label_tp_errors", "tp_errors", "nd_score")
     golden = {"tables": tables, "results": results, "summary": _rounded({name: summary[name] for name in kept})}
-    path.write_text(json.dumps(golden, separators=(",", ":")) + "\n")
+    path.write_text(json.dumps(golden, separators=(",", ":")) + "\n", encoding="utf-8")
 
 
 def _rounded(value):

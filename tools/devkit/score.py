@@ -39,7 +39,7 @@ def main() -> None:
     arguments = parser.parse_args()
     summary = score(arguments.root, arguments.split, arguments.results)
     if arguments.json:
-        arguments.json.write_text(json.dumps(summary))
+        arguments.json.write_text(json.dumps(summary), encoding="utf-8")
     print(f"mAP {summary['mean_ap']:.6f}  NDS {summary['nd_score']:.6f}")
     print("  ".join(f"{name} {value:.4f}" for name, value in summary["tp_errors"].items()))
     print("  ".join(f"{name} {value:.3f}" for name, value in summary["mean_dist_aps"].items()))

@@ -119,7 +119,12 @@ def _plan(cfg: DictConfig) -> TrainingPlan:
 
 
 def _trainer(
-    cfg: DictConfig, plan: TrainingPlan, folder: Path, val_set: NuScenesDataset, val_batches: Iterable[Batch], first_step: int
+    cfg: DictConfig,
+    plan: TrainingPlan,
+    folder: Path,
+    val_set: NuScenesDataset,
+    val_batches: Iterable[Batch],
+    first_step: int,
 ) -> pl.Trainer:
     for name in ("lightning.pytorch", "lightning.fabric"):
         logging.getLogger(name).setLevel(logging.ERROR)  # adverts and hardware notes

@@ -29,4 +29,6 @@ class Interruption(pl.Callback):
         if self.requested:
             raise KeyboardInterrupt
         self.requested = True
-        os.write(2, b"\nstopping at the end of this step; once more stops at once and loses what came after last.ckpt\n")
+        os.write(
+            2, b"\nstopping at the end of this step; once more stops at once and loses what came after last.ckpt\n"
+        )

@@ -5,6 +5,7 @@ import shutil
 import signal
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
+from types import SimpleNamespace
 
 import pytest
 import torch
@@ -17,13 +18,14 @@ from training_setup import settings, write_data
 from fusion_net.models.fusion_net import FusionNet
 from fusion_net.training import callbacks, step_end
 from fusion_net.training.fit import fit
+from fusion_net.training.module import DetectorModule
 from fusion_net.training.optimizer import MuonAdamW
 
 STEPS = (
-    "trainer.camera_steps=2", "trainer.alone_steps=0", "trainer.fusion_steps=7", "trainer.batch_size=2",
-    "trainer.validate_every=3", "trainer.save_every=4", "trainer.freeze_camera=false", "modality_dropout=0.5",
+    "trainer.camera_steps=2", "trainer.alone_steps=1", "trainer.fusion_steps=6", "trainer.batch_size=2",
+    "trainer.validate_every=3", "trainer.save_every=4", "modality_dropout=0.5", "trainer.dropout_from=0.2",
 )  # fmt: skip
-"""Two epochs of four batches and one more; validated after steps 3, 6 and 9 in two batches, written after 4 and 8."""
+"""Two epochs of four batches and one more; validated after steps 6 and 9 in two batches, written after 4 and 8."""
 
 
 class Killed(BaseException):
@@ -52,13 +54,13 @@ class Moments:
     """Counts the moments of a run and does something at one of them: before and after every hook of every callback and of
     the module, every call of the network, every kernel that the optimizer moves, every write."""
 
-    at: int = -1
+    when: tuple[str, int] | None = None  # name of a moment and how many of that name come before it
     then: object = None
     seen: list[str] = field(default_factory=list)
 
     def mark(self, name):
         self.seen.append(name)
-        if len(self.seen) - 1 == self.at:
+        if self.when == (name, self.seen.count(name) - 1):
             self.then()
 
     def around(self, function, name=None):
@@ -95,6 +97,13 @@ class Moments:
                 patch.setattr(owner, name, self.around(getattr(owner, name), name))
             patch.setattr(step_end.torch, "save", self.half_written(torch.save))
             yield self
+
+
+@pytest.fixture(scope="module", autouse=True)
+def rows_often():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(callbacks.MetricsCSV.__init__, "__kwdefaults__", {"every": 2})
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -141,18 +150,16 @@ def assert_same(one, other, where=""):
         assert one == other, where
 
 
-def interrupted(data, *overrides, at, then):
-    """Runs until a moment; where nothing comes of it there, to the end."""
-    with Moments(at, then).watched(), suppress(Killed, KeyboardInterrupt):
-        fit(settings(data, "name=a", *STEPS, *overrides))
-
-
 def assert_resumed_equals(whole, data, folder, cuts):
     shutil.rmtree(folder / "runs", ignore_errors=True)
     handlers = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)]
-    for way, at in cuts:
+    for way, when in cuts:
         begun = (folder / "runs/a/config.yaml").exists()
-        interrupted(data, *(["resume=true"] if begun else []), at=at, then=WAYS[way])
+        with (
+            Moments(when, WAYS[way]).watched(),
+            suppress(Killed, KeyboardInterrupt),
+        ):  # at the end nothing may come of it
+            fit(settings(data, "name=a", f"resume={begun}", *STEPS))
     assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)] == handlers
     fit(settings(data, "name=a", "resume=true", *STEPS))
     assert_same(result(folder / "runs/a"), whole[0])
@@ -166,11 +173,7 @@ def test_the_moments_are_those_that_matter(whole):
         "on_train_batch_end", "on_before_zero_grad", "on_after_backward", "on_train_end", "on_train_start",
     ):  # fmt: skip
         assert {f"before {name}", f"after {name}"} <= kinds, name
-    assert whole[1].count("in torch.save") == 3 + 3  # last.ckpt after 4, 8 and 9; best.ckpt after 3, 6 and 9, all of them 0
-
-
-def moment(whole, name, number):
-    return [place for place, said in enumerate(whole[1]) if said == name][number]
+    assert whole[1].count("in torch.save") == 3 + 2  # last.ckpt after 4, 8 and 9; best.ckpt after 6 and 9
 
 
 @pytest.mark.parametrize(
@@ -178,12 +181,12 @@ def moment(whole, name, number):
     [
         ("before backward", 4, "SIGINT"),  # batch norm has counted the batch
         ("before decode", 2, "SIGTERM"),  # in the first validation, before its second batch
-        ("in torch.save", 2, "SIGKILL"),
+        ("in torch.save", 2, "SIGKILL"),  # of step 8's checkpoint
     ],
 )
 def test_the_cases_that_were_wrong(data, whole, tmp_path, monkeypatch, name, number, way):
     monkeypatch.chdir(tmp_path)
-    assert_resumed_equals(whole, data, tmp_path, [(way, moment(whole, name, number))])
+    assert_resumed_equals(whole, data, tmp_path, [(way, (name, number))])
 
 
 @pytest.mark.slow
@@ -191,10 +194,54 @@ def test_the_cases_that_were_wrong(data, whole, tmp_path, monkeypatch, name, num
 @given(draw=st.data())
 def test_interrupted_at_any_moment_and_resumed_equals_unbroken(data, whole, tmp_path, monkeypatch, draw):
     monkeypatch.chdir(tmp_path)
-    kind = st.sampled_from(sorted(set(whole[1])))
     cuts = []
     for _ in range(draw.draw(st.integers(1, 2))):
-        name = draw.draw(kind)
-        places = [place for place, said in enumerate(whole[1]) if said == name]
-        cuts.append((draw.draw(st.sampled_from(sorted(WAYS))), draw.draw(st.sampled_from(places))))
+        name = draw.draw(st.sampled_from(sorted(set(whole[1]))))
+        number = draw.draw(st.integers(0, whole[1].count(name) - 1))
+        cuts.append((draw.draw(st.sampled_from(sorted(WAYS))), (name, number)))
     assert_resumed_equals(whole, data, tmp_path, cuts)
+
+
+def test_a_time_limit_counts_the_time_before_the_interruption(data, tmp_path, monkeypatch):
+    """Every step takes a second of ten, a validation a hundred that are not charged."""
+    monkeypatch.chdir(tmp_path)
+    clock = SimpleNamespace(now=0.0)
+    monkeypatch.setattr(callbacks, "time", SimpleNamespace(perf_counter=lambda: clock.now))
+
+    def took(function, seconds):
+        def later(*args):
+            clock.now += seconds
+            return function(*args)
+
+        return later
+
+    monkeypatch.setattr(DetectorModule, "training_step", took(DetectorModule.training_step, 1.0))
+    monkeypatch.setattr(FusionNet, "decode", took(FusionNet.decode, 100.0))
+    limited = [*STEPS, "trainer.camera_steps=100", "trainer.fusion_steps=100", f"trainer.max_minutes={10 / 60}"]
+    fit(settings(data, "name=a", *limited))
+    unbroken = result(tmp_path / "runs/a")
+    assert unbroken["last"]["global_step"] == 10
+    assert any(row.startswith("10,val/mAP") for row in unbroken["rows"])
+    shutil.rmtree(tmp_path / "runs")
+    with Moments(("before decode", 2), WAYS["SIGINT"]).watched(), pytest.raises(KeyboardInterrupt):
+        fit(settings(data, "name=a", *limited))
+    clock.now += 1000.0
+    fit(settings(data, "name=a", "resume=true", *limited))
+    assert_same(result(tmp_path / "runs/a"), unbroken)
+
+
+def test_a_finished_run_that_is_resumed_stays_as_it_is(data, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    fit(settings(data, "name=a", *STEPS))
+    was = result(tmp_path / "runs/a")
+    fit(settings(data, "name=a", "resume=true", *STEPS))
+    assert_same(result(tmp_path / "runs/a"), was)
+
+
+@pytest.mark.slow
+def test_with_loader_processes_too(data, whole, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with Moments(when=("after backward", 4), then=WAYS["SIGTERM"]).watched(), pytest.raises(KeyboardInterrupt):
+        fit(settings(data, "name=a", *STEPS, "trainer.workers=2"))
+    fit(settings(data, "name=a", "resume=true", *STEPS, "trainer.workers=2"))
+    assert_same(result(tmp_path / "runs/a"), whole[0])

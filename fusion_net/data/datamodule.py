@@ -167,11 +167,11 @@ def make_loader(dataset: NuScenesDataset, batch_size: int) -> DataLoader:
 
 def _start_worker(number: int) -> None:
     """Sets up a loader process. Batches go to the training process through a pipe, not through shared memory: Docker
-    gives that 64 MB, and a batch that finds no room is lost, while the training process waits for it. Ctrl-C is the
-    training process's to answer, and SIGTERM is how it ends its loaders, whatever it does itself on one."""
+    gives that 64 MB, and a batch that finds no room is lost, while the training process waits for it. Signals that reach
+    the whole group, as Ctrl-C does, are the training process's to answer; its loaders end with it."""
     ForkingPickler.register(Tensor, lambda tensor: (torch.from_numpy, (tensor.numpy(),)))
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
 
 
 def trim_memory() -> None:

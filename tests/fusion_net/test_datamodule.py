@@ -127,11 +127,12 @@ def test_a_loader_process_needs_no_shared_memory(root, monkeypatch):
     batch.images[0] = 7  # the memory is its own
 
 
-def test_ctrl_c_is_the_training_processs_to_answer(root):
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_signals_are_the_training_processs_to_answer(root, number):
     data = dataset(root)
     batches = iter(train_loader(data, StepSampler(len(data), batch_size=2, steps=6), 1))
     next(batches)
-    os.kill(batches._workers[0].pid, signal.SIGINT)
+    os.kill(batches._workers[0].pid, number)
     assert len(list(batches)) == 5
 
 

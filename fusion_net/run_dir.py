@@ -13,42 +13,40 @@ import torch
 from omegaconf import DictConfig, OmegaConf
 from yaml import YAMLError
 
+from fusion_net.atomic import replacing
 from fusion_net.settings import differences
 
 
 def open_run(folder: Path, cfg: DictConfig, *, resume: bool, overwrite: bool, data: Sequence[str] = ()) -> Path:
     """Creates ``folder`` with config.yaml and env.json. ValueError when it exists and neither flag is set.
 
-    ``data``: fingerprints of the data sets that the run is trained on.
+    ``data``: fingerprints of the data sets that the run is trained on. With ``resume``, a run that was interrupted before
+    its first checkpoint starts again.
     """
-    checkpoint = folder / "checkpoints" / "last.ckpt"
+    goes_on = resume and (folder / "checkpoints" / "last.ckpt").exists()
     if folder.exists() and not folder.is_dir():
         raise ValueError(f"{folder} is a file, not a run's folder; pass name=ANOTHER")
     if resume:
-        if not checkpoint.exists():
-            raise ValueError(f"nothing to resume: {checkpoint} does not exist; drop resume=true to start {folder.name}")
+        if not (folder / "config.yaml").exists():
+            raise ValueError(f"nothing to resume: there is no run {folder}; drop resume=true to start it")
         _refuse_other_model(folder, cfg)
         refuse_other_data(folder, data)
     elif (folder / "config.yaml").exists() and not overwrite:
         raise ValueError(
             f"{folder} exists; pass name=ANOTHER, resume=true to go on, or overwrite=true to start it again"
         )
-    elif overwrite:
+    if not goes_on:
         for old in ("metrics.csv", "checkpoints/last.ckpt", "checkpoints/best.ckpt"):
             (folder / old).unlink(missing_ok=True)
     (folder / "checkpoints").mkdir(parents=True, exist_ok=True)
-    OmegaConf.save(cfg, folder / "config.yaml", resolve=True)
-    (folder / "env.json").write_text(
-        json.dumps(environment() | {"data": list(data)}, indent=1) + "\n", encoding="utf-8"
-    )
+    _write(folder / "config.yaml", OmegaConf.to_yaml(cfg, resolve=True))
+    _write_surroundings(folder, environment() | {"data": list(data)})
     return folder
 
 
 def mark_finished(folder: Path) -> None:
     """Notes in env.json that the run is over."""
-    (folder / "env.json").write_text(
-        json.dumps(_surroundings(folder) | {"finished": True}, indent=1) + "\n", encoding="utf-8"
-    )
+    _write_surroundings(folder, _surroundings(folder) | {"finished": True})
 
 
 def is_finished(folder: Path, cfg: DictConfig) -> bool:
@@ -167,6 +165,15 @@ def _surroundings(folder: Path) -> dict[str, Any]:
         return dict(json.loads(path.read_bytes()))
     except (ValueError, TypeError) as error:
         raise ValueError(f"{path} is damaged ({error}); delete it, or train the run again") from error
+
+
+def _write_surroundings(folder: Path, surroundings: dict[str, Any]) -> None:
+    _write(folder / "env.json", json.dumps(surroundings, indent=1) + "\n")
+
+
+def _write(path: Path, text: str) -> None:
+    with replacing(path) as file:
+        file.write(text.encode())
 
 
 def _processor() -> str:

@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 
 import pytest
+import torch
 
 PROJECT = Path(__file__).resolve().parents[1]
 ENVIRONMENT = os.environ | {"OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
@@ -32,13 +33,13 @@ def run(arguments, folder):
     return command.returncode, out, error
 
 
-def press_ctrl_c(arguments, folder, *, once):
-    """Starts a command, interrupts it when ``once()`` holds; exit code and the lines of stderr."""
+def press(number, arguments, folder, *, once):
+    """Starts a command, sends it and its workers a signal when ``once()`` holds; exit code and the lines of stderr."""
     command = start(arguments, folder)
     began = time.monotonic()
     while not once() and command.poll() is None and time.monotonic() - began < 200:
         time.sleep(0.05)
-    os.killpg(command.pid, signal.SIGINT)
+    os.killpg(command.pid, number)
     error = command.communicate(timeout=60)[1]
     return command.returncode, error.replace("\r", "\n").strip().splitlines()
 
@@ -153,20 +154,35 @@ def test_data_made_anew_with_other_settings_is_not_mistaken_for_the_old(trained,
         manifest.write_text(was)
 
 
+CUT = ("trainer.camera_steps=30", "trainer.alone_steps=4", "trainer.fusion_steps=26", "trainer.save_every=7")
+
+
+@pytest.fixture(scope="module")
+def unbroken(data, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("unbroken")
+    code, _, error = run([*TRAIN, f"data.root={data}", "name=cut", *CUT], folder)
+    assert code == 0, error
+    return folder / "runs/cut"
+
+
 @pytest.mark.slow
-def test_ctrl_c_keeps_the_checkpoint_and_training_goes_on(data, tmp_path):
-    steps = ("trainer.camera_steps=60", "trainer.alone_steps=4", "trainer.fusion_steps=30")
-    command = [*TRAIN, f"data.root={data}", "name=cut", *steps]
-    metrics = tmp_path / "runs/cut/metrics.csv"
-    code, error = press_ctrl_c(command, tmp_path, once=metrics.exists)
-    assert (code, error[-1]) == (130, "error: interrupted; add resume=true to the same command to go on")
-    before = metrics.read_text()
+@pytest.mark.parametrize(
+    ("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 130), (signal.SIGKILL, -signal.SIGKILL)]
+)
+@pytest.mark.parametrize("workers", [0, 1])
+def test_a_run_that_is_ended_goes_on_to_the_same_weights(data, unbroken, tmp_path, number, code, workers):
+    command = [*TRAIN, f"data.root={data}", "name=cut", *CUT, f"trainer.workers={workers}"]
+    folder = tmp_path / "runs/cut"
+    returned, error = press(number, command, tmp_path, once=(folder / "metrics.csv").exists)
+    assert returned == code
+    if number != signal.SIGKILL:
+        assert error[-1] == "error: interrupted; add resume=true to the same command to go on"
     code, _, error = run([*command, "resume=true"], tmp_path)
     assert (code, error) == (0, "")
-    assert metrics.read_text().startswith(before)
-    written = [int(row.split(",")[0]) for row in metrics.read_text().splitlines()[1:]]
-    assert written == sorted(written)
-    assert written[-1] == 60 + 4 + 30
+    assert (folder / "metrics.csv").read_text() == (unbroken / "metrics.csv").read_text()
+    ours, theirs = (torch.load(each / "checkpoints/last.ckpt", weights_only=True) for each in (folder, unbroken))
+    for weights in ("state_dict", "current_model_state"):  # averaged and plain
+        assert all(torch.equal(value, ours[weights][name]) for name, value in theirs[weights].items())
 
 
 @pytest.mark.slow
@@ -174,7 +190,7 @@ def test_ctrl_c_keeps_the_checkpoint_and_training_goes_on(data, tmp_path):
 def test_ctrl_c_keeps_finished_scenes_and_generation_goes_on(tmp_path, workers):
     root = tmp_path / "tree"
     command = [*DATA_GEN, f"workers={workers}", "data.num_scenes=12", f"data.root={root}"]
-    code, error = press_ctrl_c(command, tmp_path, once=lambda: len(list(root.glob("scenes/*.json"))) >= 2)
+    code, error = press(signal.SIGINT, command, tmp_path, once=lambda: len(list(root.glob("scenes/*.json"))) >= 2)
     assert code == 130
     assert error[-1].startswith("error: interrupted")
     assert not [line for line in error[:-1] if "data_gen" not in line and "compiling" not in line]

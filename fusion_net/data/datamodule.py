@@ -1,8 +1,10 @@
 """Samples to batches: the torch Dataset, the order of an epoch, the collation and the loader."""
 
 import ctypes
+import signal
 from collections.abc import Iterator
 from dataclasses import replace
+from multiprocessing.reduction import ForkingPickler
 
 import cv2
 import numpy as np
@@ -15,6 +17,7 @@ from fusion_net.bev_grid import BEVGrid
 from fusion_net.data.augment import Augment
 from fusion_net.data.faults import FaultPlan
 from fusion_net.data.missing_files import refuse_missing_files
+from fusion_net.data.nuscenes import NuScenes
 from fusion_net.data.samples import Sample, SampleReader, labelled_boxes
 from fusion_net.data.targets import center_targets
 from fusion_net.data.trees import open_trees, refuse_unlike_images, split_of
@@ -27,8 +30,9 @@ class NuScenesDataset(Dataset):
     list of these. ``version`` chooses among the folders of tables of a root.
 
     ``grid``: the cells of the targets; boxes off it are left out. ``cache`` keeps what was decoded (not what was
-    augmented) in memory. Further arguments are those of :class:`SampleReader`, whose faults draw from ``seed``. An index is a
-    sample's place or (epoch, place): augmentation follows from (seed, epoch, place) alone.
+    augmented) in memory. ``trees``: those of ``root``, where they are open already. Further arguments are those of
+    :class:`SampleReader`, whose faults draw from ``seed``. An index is a sample's place or (epoch, place): augmentation
+    follows from (seed, epoch, place) alone.
     """
 
     def __init__(
@@ -42,11 +46,12 @@ class NuScenesDataset(Dataset):
         min_radius: int = 2,
         cache: bool = False,
         seed: int = 0,
+        trees: list[NuScenes] | None = None,
         **reader,
     ) -> None:
         self.grid, self.augment, self.min_radius, self.cache, self.seed = grid, augment, min_radius, cache, seed
         self.reader = SampleReader(**reader, fault_seed=seed)
-        self.trees = open_trees(root, version)
+        self.trees = open_trees(root, version) if trees is None else trees
         self.index = split_of(self.trees, split)
         refuse_missing_files(self.index, self.reader)
         refuse_unlike_images(self.reader, self.index)
@@ -136,49 +141,56 @@ def collate(samples: list[Sample]) -> Batch:
     )
 
 
-class EpochSampler(Sampler[tuple[int, int]]):
-    """Gives (epoch, place): the order of an epoch, and what is drawn for a sample in it, follow from (seed, epoch)
-    alone, so that a resumed run sees what an unbroken one sees."""
+class StepSampler(Sampler[list[tuple[int, int]]]):
+    """The keys (epoch, place) of each training step's batch. They follow from (seed, step) alone, so that a run that is
+    resumed before step ``first`` sees what an unbroken one sees. An epoch's last samples that fill no batch are left out.
 
-    def __init__(self, length: int, *, shuffle: bool, seed: int = 0) -> None:
-        self.length, self.shuffle, self.seed, self.epoch = length, shuffle, seed, 0
-        self.seen = 0
+    To the training loop all ``steps`` are one long epoch, so loader processes start once.
+    """
 
-    def set_epoch(self, epoch: int) -> None:
-        """Which epoch comes next."""
-        self.epoch = epoch
+    def __init__(self, length: int, *, batch_size: int, steps: int, first: int = 0, seed: int = 0) -> None:
+        self.length, self.batch_size, self.steps, self.first, self.seed = length, batch_size, steps, first, seed
+        self._epoch, self._order = -1, np.arange(0)
 
-    def go_on(self, epoch: int, seen: int) -> None:
-        """Begins in an epoch of which an interrupted run saw the first ``seen`` places. (Loader processes fetch batches
-        before Lightning calls ``set_epoch``, and it does not skip those that were seen.)"""
-        self.epoch, self.seen = epoch, seen
+    def keys(self, step: int) -> list[tuple[int, int]]:
+        """Keys of one step's batch."""
+        epoch, batch = divmod(step, self.length // self.batch_size)
+        if epoch != self._epoch:
+            self._epoch, self._order = epoch, np.random.default_rng([self.seed, epoch]).permutation(self.length)
+        return [(epoch, place) for place in self._order[batch * self.batch_size :][: self.batch_size].tolist()]
 
-    def __iter__(self) -> Iterator[tuple[int, int]]:
-        order = np.arange(self.length)
-        if self.shuffle:
-            np.random.default_rng([self.seed, self.epoch]).shuffle(order)
-        first, self.seen = self.seen, 0
-        return iter([(self.epoch, place) for place in order[first:].tolist()])
+    def __iter__(self) -> Iterator[list[tuple[int, int]]]:
+        return map(self.keys, range(self.first, self.steps))
 
     def __len__(self) -> int:
-        return self.length
+        return self.steps
 
 
-def make_loader(
-    dataset: NuScenesDataset, *, batch_size: int, shuffle: bool = False, num_workers: int = 0, drop_last: bool = False
-) -> DataLoader:
-    """Batches of a dataset. Its sampler's ``set_epoch`` is to be called before each epoch (Lightning does)."""
+def train_loader(dataset: NuScenesDataset, sampler: StepSampler, num_workers: int = 0) -> DataLoader:
+    """The batches of a run's training steps."""
     if num_workers:
         cv2.setNumThreads(1)  # here, before the fork: a child that ends the parent's pool of threads waits for ever
     return DataLoader(
         dataset,
-        batch_size=batch_size,
-        sampler=EpochSampler(len(dataset), shuffle=shuffle, seed=dataset.seed),
+        batch_sampler=sampler,
         collate_fn=dataset.collate,
         num_workers=num_workers,
-        persistent_workers=num_workers > 0,
-        drop_last=drop_last,
+        worker_init_fn=_start_worker,
     )
+
+
+def make_loader(dataset: NuScenesDataset, batch_size: int) -> DataLoader:
+    """All samples once, in order."""
+    return DataLoader(dataset, batch_size=batch_size, collate_fn=dataset.collate)
+
+
+def _start_worker(number: int) -> None:
+    """Sets up a loader process. Batches go to the training process through a pipe, not through shared memory: Docker
+    gives that 64 MB, and a batch that finds no room is lost, while the training process waits for it. Signals that reach
+    the whole group, as Ctrl-C does, are the training process's to answer; its loaders end with it."""
+    ForkingPickler.register(Tensor, lambda tensor: (torch.from_numpy, (tensor.numpy(),)))
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
 
 
 def trim_memory() -> None:

@@ -3,17 +3,20 @@
 import csv
 import math
 import multiprocessing
+import os
 import sys
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import lightning.pytorch as pl
 import torch
+from torch import Tensor
 from tqdm import tqdm
 
 from fusion_net.data.datamodule import trim_memory
-from fusion_net.training.plan import TrainingPlan
+from fusion_net.training.plan import Stage, TrainingPlan
 
 
 class PlanCallback(pl.Callback):
@@ -25,40 +28,37 @@ class PlanCallback(pl.Callback):
     def __init__(self, plan: TrainingPlan, *, seed: int) -> None:
         self.plan, self.seed = plan, seed
         self.elapsed, self._tick = 0.0, math.nan
+        self.is_over = False
 
     def on_train_start(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
-        """Starts the clock. A batch that an interruption cut short counted as begun: validation would come a step early."""
-        self._tick = time.perf_counter()
-        begun = trainer.fit_loop.epoch_loop.batch_progress.total
-        begun.ready = begun.completed
+        """Starts the clock."""
+        self.restart_clock()
+        self.is_over = self._position(trainer)[1] >= 1
 
-    def on_train_batch_start(self, trainer, pl_module, batch, batch_idx) -> Any:
-        """Sets stage, share, rate and random state of this step; -1 ends the epoch once the plan is over."""
-        now = time.perf_counter()
-        self.elapsed, self._tick = self.elapsed + now - self._tick, now
-        stage, share = self.plan.position(trainer.global_step, self.elapsed)
-        if share >= 1:
-            trainer.should_stop = True
-            return -1
+    def on_train_batch_start(self, trainer, pl_module, batch, batch_idx) -> None:
+        """Sets stage, share, rate and random state of this step."""
+        stage, share = self._position(trainer)
         pl_module.enter(stage, share)
-        trainer.limit_val_batches = 1.0 if stage == "fusion" else 0  # nothing to score before there are boxes
         for group in trainer.optimizers[0].param_groups:
             group["lr"] = self.plan.learning_rate(share) * group.get("lr_scale", 1.0)
         torch.manual_seed(hash((self.seed, trainer.global_step)))
-        return None
 
     def on_train_batch_end(self, trainer, pl_module, outputs, batch, batch_idx) -> None:
-        """Gives fragmented heap back every 50 steps: clouds of varying length otherwise grow the process to many GB."""
+        """Notes whether this was the last step. Gives fragmented heap back every 50 steps: clouds of varying length
+        otherwise grow the process to many GB."""
+        self.is_over = self._position(trainer)[1] >= 1
         if trainer.global_step % 50 == 0:
             trim_memory()
 
-    def on_validation_start(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
-        """Stops the clock: validation is not charged to the plan."""
-        self.elapsed += 0.0 if math.isnan(self._tick) else time.perf_counter() - self._tick
-
-    def on_validation_end(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
-        """Goes on."""
+    def restart_clock(self) -> None:
+        """What went on since the last step is not charged to the plan: validation, checkpoints."""
         self._tick = time.perf_counter()
+
+    def _position(self, trainer: pl.Trainer) -> tuple[Stage, float]:
+        """Stage and share at this step and time."""
+        now = time.perf_counter()
+        self.elapsed, self._tick = self.elapsed + now - self._tick, now
+        return self.plan.position(trainer.global_step, self.elapsed)
 
     def state_dict(self) -> dict[str, Any]:
         """Clock and stage, for the checkpoint."""
@@ -102,9 +102,14 @@ class TerminalProgress(pl.Callback):
         if self._bar is not None:
             self._bar.close()
 
+    def on_exception(self, trainer: pl.Trainer, pl_module: pl.LightningModule, exception: BaseException) -> None:
+        """Closes the bar, so that what is said next has a line of its own."""
+        self.on_train_end(trainer, pl_module)
+
 
 class MetricsCSV(pl.Callback):
-    """Appends scalars to metrics.csv as (step, name, value) rows; a resumed run goes on in the same file.
+    """Appends scalars to metrics.csv as (step, name, value) rows; a resumed run goes on in the same file, from the row
+    that its checkpoint was written after.
 
     Lightning's own CSV logger starts the file again on resume.
     """
@@ -115,18 +120,22 @@ class MetricsCSV(pl.Callback):
     def on_train_batch_end(self, trainer, pl_module, outputs, batch, batch_idx) -> None:
         """Writes the step's losses."""
         if trainer.global_step % self.every == 0:
-            self._append(trainer, "train/")
+            self.write(trainer.global_step, pl_module.scalars)
 
-    def on_validation_end(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
-        """Writes the scores."""
-        self._append(trainer, "val/")
-
-    def _append(self, trainer: pl.Trainer, prefix: str) -> None:
+    def write(self, step: int, scalars: Mapping[str, float | Tensor]) -> None:
+        """Appends a step's scalars."""
         is_new = not self.path.exists()
         with self.path.open("a", newline="", encoding="utf-8") as file:
             writer = csv.writer(file)
             if is_new:
                 writer.writerow(["step", "name", "value"])
-            for name, value in trainer.callback_metrics.items():
-                if name.startswith(prefix):
-                    writer.writerow([trainer.global_step, name, f"{float(value):.6g}"])
+            writer.writerows([step, name, f"{float(value):.6g}"] for name, value in scalars.items())
+
+    def state_dict(self) -> dict[str, Any]:
+        """How long the file is, for the checkpoint."""
+        return {"bytes": self.path.stat().st_size if self.path.exists() else 0}
+
+    def load_state_dict(self, state_dict: dict[str, Any]) -> None:
+        """Cuts off the rows of steps that were taken after the checkpoint: they are taken again."""
+        if self.path.exists() and self.path.stat().st_size > state_dict["bytes"]:
+            os.truncate(self.path, state_dict["bytes"])

@@ -1,11 +1,8 @@
-"""The training step: which losses in which stage, which sensors a sample keeps, how validation is scored."""
-
-from typing import Any
+"""The training step: which losses in which stage, which sensors a sample keeps."""
 
 import lightning.pytorch as pl
 import torch
 
-from fusion_net.evaluation.scoring import GroundTruth, score
 from fusion_net.models.camera_encoder import CameraEncoder
 from fusion_net.models.fusion_net import FusionNet
 from fusion_net.structures import MODALITIES, Batch
@@ -15,10 +12,10 @@ from fusion_net.training.plan import Stage
 
 
 class DetectorModule(pl.LightningModule):
-    """Wraps a detector (``forward``, ``loss``, ``decode``, and ``camera_loss`` where there is a camera) for Lightning.
+    """Wraps a detector (``forward``, ``loss``, and ``camera_loss`` where there is a camera) for Lightning.
 
     ``modality_dropout`` acts from the share ``dropout_from`` of the fusion stage; ``freeze_camera`` lets the camera's
-    image plane rest in it. Validation gives nuScenes mAP over the configured classes with all sensors.
+    image plane rest in it. ``scalars`` has the last step's losses and shares of samples that kept each sensor, by name.
     """
 
     def __init__(
@@ -31,18 +28,16 @@ class DetectorModule(pl.LightningModule):
         weight_decay: float,
         max_lr: float,
         seed: int,
-        truth: GroundTruth | None = None,
     ) -> None:
         super().__init__()
         if not 0 <= modality_dropout <= 1:
             raise ValueError(f"modality_dropout={modality_dropout} is a probability: between 0 and 1")
-        self.model, self.truth = model, truth
+        self.model = model
         self.modality_dropout, self.dropout_from, self.freeze_camera = modality_dropout, dropout_from, freeze_camera
         self.weight_decay, self.max_lr, self.seed = weight_decay, max_lr, seed
         self.stage: Stage = "fusion"
         self.share = 0.0
-        self.validated_at = -1
-        self._found: dict[str, Any] = {}
+        self.scalars: dict[str, torch.Tensor] = {}
 
     def enter(self, stage: Stage, share: float) -> None:
         """Told before each step where the plan is."""
@@ -54,17 +49,18 @@ class DetectorModule(pl.LightningModule):
 
     def training_step(self, batch: Batch, batch_idx: int) -> torch.Tensor:
         """The loss of one batch; stops with the terms when it is not finite."""
+        kept: dict[str, torch.Tensor] = {}
         if self.stage == "camera":
             losses = self.model.camera_loss(batch)
         else:
             present = self._present(batch)
             losses = self.model.loss(self.model(batch, present), batch)
-            for name, kept in zip(MODALITIES, present.float().mean(dim=0), strict=True):
-                self.log(f"train/kept_{name}", kept, batch_size=batch.size)
+            kept = {f"kept_{m}": p for m, p in zip(MODALITIES, present.float().mean(dim=0), strict=True)}
         if not torch.isfinite(losses["loss"]):
             terms = ", ".join(f"{name} {float(value):.3g}" for name, value in losses.items())
             raise ValueError(f"the loss is not finite at step {self.global_step}: {terms}; lower trainer.max_lr")
-        self.log_dict({f"train/{name}": value.detach() for name, value in losses.items()}, batch_size=batch.size)
+        self.scalars = {f"train/{name}": value.detach() for name, value in (kept | losses).items()}
+        self.log_dict(self.scalars, batch_size=batch.size)
         return losses["loss"]
 
     def _present(self, batch: Batch) -> torch.Tensor:
@@ -77,28 +73,6 @@ class DetectorModule(pl.LightningModule):
         return torch.where(
             kept.any(dim=1, keepdim=True), kept, batch.present
         )  # a dead sensor is never all that is left
-
-    def on_validation_epoch_start(self) -> None:
-        """Forgets the last validation's boxes."""
-        self._found = {}
-
-    def validation_step(self, batch: Batch, batch_idx: int) -> None:
-        """Detects with every sensor that is there."""
-        for token, boxes in zip(batch.tokens, self.model.decode(self.model(batch)), strict=True):
-            self._found[token] = boxes
-
-    def on_validation_epoch_end(self) -> None:
-        """Scores what was found."""
-        if self.truth is None or self.trainer.sanity_checking:
-            return
-        self.validated_at = self.global_step
-        metrics = score(self.truth, [self._found[token] for token in self.truth.tokens])
-        self.log("val/mAP", metrics.mAP)
-        self.log("val/NDS", metrics.NDS)
-        for name, ap in zip(metrics.classes, metrics.class_ap, strict=True):
-            self.log(f"val/AP_{name}", float(ap))
-        if self.trainer.is_global_zero:
-            print(f"step {self.global_step}: val mAP {metrics.mAP:.3f} NDS {metrics.NDS:.3f}", flush=True)
 
     def configure_optimizers(self) -> torch.optim.Optimizer:
         """Muon and AdamW under one rate, which the plan sets at each step."""

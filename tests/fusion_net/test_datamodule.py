@@ -1,4 +1,5 @@
 import os
+import signal
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ from tiny_tree import write_tree
 
 from fusion_net.bev_grid import BEVGrid
 from fusion_net.data.augment import Augment
-from fusion_net.data.datamodule import EpochSampler, NuScenesDataset, make_loader, trim_memory
+from fusion_net.data.datamodule import NuScenesDataset, StepSampler, make_loader, train_loader, trim_memory
 
 GRID = BEVGrid(0.0, 64.0, -24.0, 32.0, 0.5)
 AUGMENT = Augment(rotation_deg=20.0, scale=0.1, flip_y=True, brightness=0.2)
@@ -87,30 +88,60 @@ def test_the_cache_changes_nothing_but_the_time(root):
         assert_same(plain[epoch, 1], cached[epoch, 1])
 
 
-def test_the_order_of_an_epoch_follows_from_seed_and_epoch():
-    sampler = EpochSampler(50, shuffle=True, seed=3)
-    orders = []
-    for epoch in (0, 1, 0):
-        sampler.set_epoch(epoch)
-        orders.append(list(sampler))
-    assert orders[0] == orders[2]
-    assert [place for _, place in orders[0]] != [place for _, place in orders[1]]
-    assert sorted(place for _, place in orders[1]) == list(range(50))
-    assert {epoch for epoch, _ in orders[1]} == {1}
-    assert list(EpochSampler(3, shuffle=False)) == [(0, 0), (0, 1), (0, 2)]
+def test_a_steps_batch_follows_from_seed_and_step():
+    sampler = StepSampler(9, batch_size=4, steps=5, seed=3)
+    steps = list(sampler)
+    assert [len(keys) for keys in steps] == [4] * 5 == [4] * len(sampler)
+    assert [{epoch for epoch, _ in keys} for keys in steps] == [{0}, {0}, {1}, {1}, {2}]
+    for first in (0, 2):  # an epoch shows no sample twice
+        assert len({place for keys in steps[first : first + 2] for _, place in keys}) == 8
+    assert [place for _, place in steps[0]] != [place for _, place in steps[2]]
+    assert list(StepSampler(9, batch_size=4, steps=5, first=3, seed=3)) == steps[3:]
+    assert list(StepSampler(9, batch_size=4, steps=5, seed=4)) != steps
 
 
 @pytest.mark.parametrize("workers", [0, 1])
 def test_the_loader_gives_the_same_with_and_without_a_worker(root, workers):
     data = dataset(root, augment=AUGMENT)
-    loader = make_loader(data, batch_size=4, shuffle=True, num_workers=workers)
-    for epoch in (0, 1):
-        loader.sampler.set_epoch(epoch)
-        batches = list(loader)
-        assert [batch.size for batch in batches] == [4, 2]
-        expected = data.collate([data[key] for key in loader.sampler][:4])
-        np.testing.assert_array_equal(batches[0].lidar_points, expected.lidar_points)
-        assert batches[0].tokens == expected.tokens
+    sampler = StepSampler(len(data), batch_size=4, steps=3)
+    batches = list(train_loader(data, sampler, workers))
+    assert len(batches) == 3
+    for step, batch in enumerate(batches):
+        expected = data.collate([data[key] for key in sampler.keys(step)])
+        np.testing.assert_array_equal(batch.lidar_points, expected.lidar_points)
+        np.testing.assert_array_equal(batch.targets.heatmap, expected.targets.heatmap)
+        assert batch.tokens == expected.tokens
+    assert [batch.size for batch in make_loader(data, 4)] == [4, 2]
+
+
+def test_a_loader_process_needs_no_shared_memory(root, monkeypatch):
+    """Docker gives 64 MB of it. A batch that found no room was lost and waited for without end."""
+
+    def full(storage, *_):
+        raise RuntimeError("unable to allocate shared memory(shm): No space left on device")
+
+    for share in ("_share_fd_cpu_", "_share_filename_cpu_"):
+        monkeypatch.setattr(torch.UntypedStorage, share, full)  # the process that is forked has it too
+    data = dataset(root)
+    batch = next(iter(train_loader(data, StepSampler(len(data), batch_size=4, steps=1), 1)))
+    assert batch.images.shape[0] == 4
+    batch.images[0] = 7  # the memory is its own
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_signals_are_the_training_processs_to_answer(root, number):
+    data = dataset(root)
+    batches = iter(train_loader(data, StepSampler(len(data), batch_size=2, steps=6), 1))
+    next(batches)
+    os.kill(batches._workers[0].pid, number)
+    assert len(list(batches)) == 5
+
+
+def test_two_splits_share_a_tree_that_is_open(root):
+    train = dataset(root)
+    val = NuScenesDataset(root, "val", grid=GRID, trees=train.trees)
+    assert val.trees[0] is train.trees[0]
+    assert val.index[0][0] is train.index[0][0]
 
 
 def test_samples_without_points_images_or_objects_make_a_batch(root, tmp_path):

@@ -218,7 +218,9 @@ def test_what_was_not_generated_is_extracted_again(own):
         NuScenes(own)
     assert "generate it" not in str(error.value)
     (own / "manifest.json").write_text('{"hash": "a", "command": "python -m data_gen data=nano"}')
-    with pytest.raises(ValueError, match=r"delete .* and generate it again: python -m data_gen data=nano data.root=\S+$"):
+    with pytest.raises(
+        ValueError, match=r"delete .* and generate it again: python -m data_gen data=nano data.root=\S+$"
+    ):
         NuScenes(own)
 
 

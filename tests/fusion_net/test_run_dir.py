@@ -2,6 +2,7 @@ import pytest
 import torch
 from omegaconf import OmegaConf
 
+from fusion_net.atomic import replacing
 from fusion_net.run_dir import (
     is_finished,
     load_config,
@@ -32,14 +33,43 @@ def test_a_file_in_the_place_of_the_folder_is_named(tmp_path):
     assert (tmp_path / "a").read_text() == "notes"
 
 
-def test_resume_needs_a_checkpoint_and_the_same_model(tmp_path):
-    folder = open_run(tmp_path / "a", CONFIG, resume=False, overwrite=False)
+def test_resume_needs_a_run_of_the_same_model(tmp_path):
     with pytest.raises(ValueError, match="nothing to resume"):
-        open_run(folder, CONFIG, resume=True, overwrite=False)
+        open_run(tmp_path / "a", CONFIG, resume=True, overwrite=False)
+    assert not (tmp_path / "a").exists()
+    folder = open_run(tmp_path / "a", CONFIG, resume=False, overwrite=False)
     (folder / "checkpoints" / "last.ckpt").write_bytes(b"x")
+    (folder / "metrics.csv").write_text("rows")
     open_run(folder, OmegaConf.merge(CONFIG, {"seed": 2}), resume=True, overwrite=False)
+    assert (folder / "metrics.csv").read_text() == "rows"
     with pytest.raises(ValueError, match="another 'model'"):
         open_run(folder, OmegaConf.merge(CONFIG, {"model": {"width": 9}}), resume=True, overwrite=False)
+
+
+def test_a_run_cut_before_its_first_checkpoint_starts_again(tmp_path):
+    folder = open_run(tmp_path / "a", CONFIG, resume=False, overwrite=False)
+    (folder / "metrics.csv").write_text("rows of the first try")
+    open_run(folder, CONFIG, resume=True, overwrite=False)
+    assert not (folder / "metrics.csv").exists()
+
+
+def test_a_file_is_replaced_whole_or_not_at_all(tmp_path):
+    path = tmp_path / "last.ckpt"
+    path.write_text("old")
+
+    def write_half():
+        with replacing(path) as file:
+            file.write(b"half")
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        write_half()
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
+    with replacing(path) as file:
+        file.write(b"new")
+        assert path.read_text() == "old"
+    assert path.read_text() == "new"
 
 
 def test_a_missing_run_lists_those_there_are(tmp_path):

@@ -1,11 +1,18 @@
 """Training in small: the loss falls, the switches act, limits end it, mistakes are refused before anything is written."""
 
+import multiprocessing
+import os
+import shutil
+import signal
 import time
 
+import cv2
+import numpy as np
 import pytest
 import torch
 from training_setup import settings, write_data
 
+from fusion_net.data.nuscenes import NuScenes
 from fusion_net.evaluation.evaluate import load_run
 from fusion_net.training.fit import fit
 from fusion_net.training.module import DetectorModule
@@ -126,3 +133,71 @@ def test_a_grid_without_any_label_is_refused(data, tmp_path, monkeypatch):
     with pytest.raises(ValueError, match=r"no label with a LiDAR or radar point lies on the grid \(x -60.0 to -40.0 m"):
         fit(settings(data, "grid.x_min=-60.0", "grid.x_max=-40.0"))
     assert not (tmp_path / "runs").exists()
+
+
+def cut_lidar(root):
+    for path in root.glob("samples/LIDAR_TOP/*.bin"):
+        path.write_bytes(path.read_bytes()[:-3])
+
+
+def cut_a_validation_image(root):
+    path = sorted(root.glob("samples/CAM_FRONT/scene-0003*.jpg"))[0]
+    path.write_bytes(path.read_bytes()[:100])
+
+
+def images_of_another_size(root):
+    for path in root.glob("samples/CAM_BACK/*.jpg"):
+        cv2.imwrite(str(path), np.zeros((40, 64, 3), np.uint8))
+
+
+def no_depth(root):
+    for path in root.glob("samples/*/*.depth.png"):
+        path.unlink()
+
+
+@pytest.mark.parametrize("damage", [cut_lidar, cut_a_validation_image, images_of_another_size, no_depth])
+def test_data_that_cannot_be_used_leaves_no_run_behind(tmp_path, monkeypatch, damage):
+    """After the mend the same command works."""
+    monkeypatch.chdir(tmp_path)
+    root = write_data(tmp_path / "tree")
+    shutil.copytree(root, tmp_path / "whole")
+    damage(root)
+    short = ("trainer.camera_steps=1", "trainer.alone_steps=1", "trainer.fusion_steps=1")
+    with pytest.raises((ValueError, OSError)):
+        fit(settings(root, *short))
+    assert not (tmp_path / "runs").exists()
+    shutil.copytree(tmp_path / "whole", root, dirs_exist_ok=True)
+    assert (fit(settings(root, *short)) / "checkpoints/last.ckpt").exists()
+
+
+def test_both_splits_are_read_from_tables_that_are_opened_once(data, tmp_path, monkeypatch):
+    opened = []
+    start = NuScenes.__init__
+
+    def spy(self, root, **rest):
+        opened.append(root)
+        start(self, root, **rest)
+
+    monkeypatch.setattr(NuScenes, "__init__", spy)
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ValueError, match="lies on the grid"):  # what comes after both are there
+        fit(settings(data, "grid.x_min=-60.0", "grid.x_max=-40.0"))
+    assert opened == [data]
+
+
+def test_a_loader_process_that_dies_ends_the_run_in_one_line(data, steps, monkeypatch):
+    """As the system's answer to memory that ran out."""
+    step = DetectorModule.training_step
+
+    def kill(self, batch, batch_idx):
+        if batch_idx == 2:
+            (child,) = multiprocessing.active_children()
+            os.kill(child.pid, signal.SIGKILL)
+        return step(self, batch, batch_idx)
+
+    monkeypatch.setattr(DetectorModule, "training_step", kill)
+    with pytest.raises(
+        ChildProcessError, match=r"loader process died .*Killed.*; add resume=true.* fewer trainer.workers"
+    ):
+        fit(settings(data, "trainer.workers=1", "trainer.fusion_steps=20"))
+    assert len(steps) < 12

@@ -1,0 +1,34 @@
+"""Ctrl-C and SIGTERM as a request that the training loop honours where its state is whole."""
+
+import os
+import signal
+import threading
+from types import FrameType
+
+import lightning.pytorch as pl
+
+
+class Interruption(pl.Callback):
+    """Notes the first SIGINT or SIGTERM during training; a second one stops at once, without a new checkpoint.
+
+    By default Python raises KeyboardInterrupt between any two instructions: inside an optimizer step, say, when half of the
+    weights have moved. Handlers can be set in the main thread only; elsewhere signals do what they did.
+    """
+
+    def __init__(self) -> None:
+        self.requested = False
+
+    def on_train_start(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
+        """Sets the handlers, over Lightning's own. Its teardown brings back those from before."""
+        if threading.current_thread() is threading.main_thread():
+            for number in (signal.SIGINT, signal.SIGTERM):
+                if signal.getsignal(number) is not signal.SIG_IGN:  # nohup, or a shell's background job
+                    signal.signal(number, self._note)
+
+    def _note(self, number: int, frame: FrameType | None) -> None:
+        if self.requested:
+            raise KeyboardInterrupt
+        self.requested = True
+        os.write(
+            2, b"\nstopping at the end of this step; once more stops at once and loses what came after last.ckpt\n"
+        )

@@ -1,0 +1,135 @@
+"""The end of a training step: validation, checkpoints, interruption. Here alone is a run's state whole."""
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import lightning.pytorch as pl
+import torch
+from lightning.pytorch.callbacks import EMAWeightAveraging
+from lightning.pytorch.plugins.io import TorchCheckpointIO
+
+from fusion_net.atomic import replacing
+from fusion_net.boxes import Boxes
+from fusion_net.evaluation.scoring import GroundTruth, score
+from fusion_net.structures import Batch
+from fusion_net.training.callbacks import MetricsCSV, PlanCallback
+from fusion_net.training.interruption import Interruption
+
+
+class AveragedWeights(EMAWeightAveraging):
+    """Lightning's moving average of weights and batch norm statistics. A copy of the model holds it, and that copy is
+    what is validated, so the weights in training are never exchanged for it."""
+
+    def on_validation_epoch_start(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
+        """Exchanges nothing."""
+
+    def on_validation_epoch_end(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
+        """Exchanges nothing back."""
+
+    @property
+    def model(self) -> Any:
+        """The copy of the detector that holds the average."""
+        assert self._average_model is not None
+        return self._average_model.module.model
+
+
+class AtomicCheckpointIO(TorchCheckpointIO):
+    """Writes beside the old checkpoint and then takes its place: Lightning's own goes by way of /tmp, which is a plain
+    copy where that is another file system."""
+
+    def save_checkpoint(self, checkpoint: dict[str, Any], path: Any, storage_options: Any | None = None) -> None:
+        """Writes ``checkpoint`` to ``path``."""
+        Path(path).parent.mkdir(parents=True, exist_ok=True)
+        with replacing(Path(path)) as file:
+            torch.save(checkpoint, file)
+
+
+class StepEnd(pl.Callback):
+    """What follows a training step, in this order: validation where it is due, ``best.ckpt``, ``last.ckpt``, the end.
+
+    Checkpoints are written here and nowhere else, never after an exception: inside a step batch norm may have counted the
+    batch and the optimizer may have moved half of the weights. A resumed run repeats the steps since ``last.ckpt``, bit
+    for bit. An interruption that comes during validation leaves a checkpoint that says so, and the validation is run again.
+    Comes last in the list of callbacks, so that the others have seen the step.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        *,
+        batches: Iterable[Batch],
+        truth: GroundTruth,
+        validate_every: int,
+        save_every: int,
+        plan: PlanCallback,
+        average: AveragedWeights,
+        metrics: MetricsCSV,
+        interruption: Interruption,
+    ) -> None:
+        self.last, self.best = folder / "last.ckpt", folder / "best.ckpt"
+        self.batches, self.truth = batches, truth
+        self.validate_every, self.save_every = validate_every, save_every
+        self.plan, self.average, self.metrics, self.interruption = plan, average, metrics, interruption
+        self._must_validate, self._best_map = False, -1.0
+
+    def on_train_start(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
+        """Goes on with the end of the step that a resumed run was interrupted in, or ends at once what was over."""
+        if self._must_validate or self.plan.is_over:
+            self._finish(trainer)
+
+    def on_train_batch_end(self, trainer, pl_module, outputs, batch, batch_idx) -> None:
+        """Ends a step. Before the fusion stage there are no boxes to score."""
+        is_due = pl_module.stage == "fusion" and trainer.global_step % self.validate_every == 0
+        self._must_validate = is_due or self.plan.is_over
+        self._finish(trainer)
+
+    def _finish(self, trainer: pl.Trainer) -> None:
+        if self._must_validate:
+            self._validate(trainer)
+        trainer.should_stop = self.plan.is_over and not self._must_validate
+        if trainer.should_stop or self.interruption.requested or trainer.global_step % self.save_every == 0:
+            trainer.save_checkpoint(self.last)
+        if self.interruption.requested and not trainer.should_stop:
+            raise KeyboardInterrupt
+        self.plan.restart_clock()
+
+    def _validate(self, trainer: pl.Trainer) -> None:
+        found = self._detect(trainer)
+        if found is None:
+            return
+        scored = score(self.truth, [found[token] for token in self.truth.tokens])
+        per_class = zip(scored.classes, scored.class_ap.tolist(), strict=True)
+        values = {"mAP": scored.mAP, "NDS": scored.NDS} | {f"AP_{name}": ap for name, ap in per_class}
+        self._note(trainer, {f"val/{name}": value for name, value in values.items()})
+        self._must_validate = False
+        if scored.mAP >= self._best_map:  # of equals the one that was trained longer
+            self._best_map = float(scored.mAP)
+            trainer.save_checkpoint(self.best)
+
+    @torch.no_grad()
+    def _detect(self, trainer: pl.Trainer) -> dict[str, Boxes] | None:
+        """Boxes by token, found by the averaged weights with every sensor that is there; None if interrupted."""
+        model = self.average.model.eval()
+        found: dict[str, Boxes] = {}
+        for batch in self.batches:
+            if self.interruption.requested:
+                return None
+            batch = batch.to(trainer.strategy.root_device)
+            with trainer.precision_plugin.val_step_context():
+                found.update(zip(batch.tokens, model.decode(model(batch)), strict=True))
+        return found
+
+    def _note(self, trainer: pl.Trainer, values: Mapping[str, float]) -> None:
+        self.metrics.write(trainer.global_step, values)
+        for logger in trainer.loggers:
+            logger.log_metrics(dict(values), step=trainer.global_step)
+        print(f"step {trainer.global_step}: val mAP {values['val/mAP']:.3f} NDS {values['val/NDS']:.3f}", flush=True)
+
+    def state_dict(self) -> dict[str, Any]:
+        """Whether the step's validation is still to come, and the best score so far."""
+        return {"must_validate": self._must_validate, "best_map": self._best_map}
+
+    def load_state_dict(self, state_dict: dict[str, Any]) -> None:
+        """As in the interrupted run."""
+        self._must_validate, self._best_map = state_dict["must_validate"], state_dict["best_map"]

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from fusion_net.command_line import command_line
 from fusion_net.data.annotations import Annotations, AnnotationTable
 
 FIELDS = {
@@ -181,7 +182,8 @@ class NuScenes:
 def _version_folder(root: Path) -> Path:
     """The one folder ``v1.0-*`` of a tree that is whole."""
     if not root.is_dir() or not any(root.iterdir()):
-        raise ValueError(f"no data in {root}; make some: python -m data_gen data=nano data.root={root}")
+        make = command_line("-m data_gen", data="nano", data__root=root)
+        raise ValueError(f"no data in {root}; make some: {make}")
     manifest = _manifest(root)
     if not manifest.get("complete", True):
         command = manifest.get("command") or "give the command that made it again"

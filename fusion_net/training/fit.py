@@ -12,9 +12,10 @@ from lightning.pytorch.loggers import TensorBoardLogger
 from omegaconf import DictConfig
 
 from fusion_net.cli import build
+from fusion_net.command_line import command_line
 from fusion_net.data.datamodule import EpochSampler, NuScenesDataset, make_loader
 from fusion_net.evaluation.scoring import ground_truth
-from fusion_net.run_dir import mark_finished, open_run, resume_step
+from fusion_net.run_dir import mark_finished, open_run, resume_step, run_folder
 from fusion_net.training.callbacks import MetricsCSV, PlanCallback, TerminalProgress
 from fusion_net.training.module import DetectorModule
 from fusion_net.training.plan import TrainingPlan
@@ -24,18 +25,23 @@ from fusion_net.training.precision import resolve
 def fit(cfg: DictConfig) -> Path:
     """Trains what the config describes; returns the run's folder. Mistakes in it raise ValueError before anything is
     written; Ctrl-C keeps ``checkpoints/last.ckpt``."""
+    if not 0 <= cfg.seed < 2**32:
+        raise ValueError(f"seed={cfg.seed} is not within 0 and 2**32 - 1")
     pl.seed_everything(cfg.seed, verbose=False)
     settings = cfg.trainer
     for name in ("batch_size", "validate_every", "save_every"):
         if settings[name] < 1:
             raise ValueError(f"trainer.{name}={settings[name]} must be at least 1")
+    if settings.workers < 0:
+        raise ValueError(f"trainer.workers={settings.workers} is not a number of processes; 0 reads in this one")
     model = build(cfg.model, "model")
     train_set: NuScenesDataset = build(cfg.reader.train, "reader.train")
     val_set: NuScenesDataset = build(cfg.reader.val, "reader.val")
     if len(train_set) < settings.batch_size:
+        root = cfg.data.root if isinstance(cfg.data.root, str) else cfg.data.root[0]
         raise ValueError(
             f"{cfg.data.root} has {len(train_set)} training samples, fewer than trainer.batch_size={settings.batch_size};"
-            f" generate more: python -m data_gen data={cfg.data.name} data.root={cfg.data.root}"
+            f" generate more: {command_line('-m data_gen', data=cfg.data.name, data__root=root)}"
         )
     if not train_set.has_labels():
         raise ValueError(
@@ -52,7 +58,7 @@ def fit(cfg: DictConfig) -> Path:
         seed=cfg.seed,
         truth=ground_truth(val_set),
     )
-    folder = Path("runs") / str(cfg.name)
+    folder = run_folder(cfg.name)
     trainer = _trainer(cfg, plan, folder)
     batches = make_loader(
         train_set, batch_size=settings.batch_size, shuffle=True, num_workers=settings.workers, drop_last=True

@@ -28,8 +28,8 @@ def at(settings: dict[str, Any], key: str) -> Any:
 
 
 def parsed(text: str) -> Override:
-    """An override. A value that Hydra cannot read is plain text, unless it has brackets or quotes: ``~/data``, ``münchen``,
-    ``runs/seed=1``."""
+    """An override. A value that Hydra cannot read is plain text, unless it begins with a bracket or quote: ``~/data``,
+    ``münchen``, ``runs/seed=1``."""
     name, equals, value = text.partition("=")
     if not equals and not text.startswith("~"):
         raise UserError(f"'{text}' is not an override; write key=value")
@@ -39,7 +39,7 @@ def parsed(text: str) -> Override:
         try:
             return parser.parse_override(text)
         except HydraException:
-            if not value or set(value) & set("[]{}()'\""):
+            if value[:1] in ("", *"[{('\""):
                 raise
             return parser.parse_override(f"{name}={as_override(value)}")
     except (HydraException, RecursionError) as error:

@@ -12,6 +12,8 @@ from hydra import compose, initialize_config_dir
 from hydra.core.override_parser.types import Override
 from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+from yaml import YAMLError
 
 from fusion_net.command_line import as_override
 from fusion_net.flags import UserError, read_flags
@@ -92,6 +94,8 @@ class Settings:
                 return compose(self.command, overrides=[*more, *overrides], return_hydra_config=True)
             except HydraException as error:
                 raise UserError(str(error).splitlines()[0]) from error
+            except (YAMLError, UnicodeDecodeError, OmegaConfBaseException) as error:
+                raise UserError(f"a file of settings cannot be read: {error}") from error
 
     def _check_group(self, override: Override) -> None:
         key, options = override.key_or_group, self.groups[override.key_or_group]
@@ -193,7 +197,7 @@ class Settings:
         for name, command in COMMANDS.items():
             if name != self.command and key in set(keys(Settings(name, None, []).cfg)):
                 return f"{COMMANDS[self.command]} does not read '{key}'; it is a setting of {command}"
-        options = self.known | self.used
+        options = (self.known | self.used) - {key}
         target = self._target(key)
         if target is not None:
             parent = key.rsplit(".", 1)[0]

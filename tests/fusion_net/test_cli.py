@@ -23,7 +23,7 @@ from fusion_net.cli import CONFIGS, UserError, build, check_overrides, one_line
         ("resume=yess", "resume=yess is not true or false; the default is false"),
         ("encoders=camera", "write 'encoders="),
         ("name=[a]", "is not a name"),
-        ("trainer.augment={flip_x:true}", "unknown key 'flip_x' in trainer.augment; did you mean flip_y?"),
+        ("trainer.augment={flip_z:true}", "unknown key 'flip_z' in trainer.augment; did you mean flip_y?"),
         ("sweep=seeds", "write [+]sweep=seeds"),
         ("+sweep=seedz", "there is no sweep=seedz; did you mean seeds?"),
         ("+extra.key=1", "unknown override 'extra.key'"),
@@ -88,6 +88,7 @@ def test_what_names_no_run_is_refused(argument):
         ("data.root=[~/x,~/y z]", "data.root=['~/x','~/y z']"),
         ("name=münchen", "name='münchen'"),
         ("name=a=b,c", "name='a=b,c'"),
+        ("name=it's a run", "name='it\\'s a run'"),
         ("name=2026_01", "name='2026_01'"),
         ("name=true", "name='true'"),
         ("fuser=1.50", "fuser='1.50'"),
@@ -175,11 +176,6 @@ def test_a_value_that_is_no_choice_is_answered_with_the_nearest():
         build({"_target_": f"{__name__}.Choice", "kind": "conct"}, "choice")
 
 
-def test_a_whole_number_for_a_float_is_answered_with_how_to_write_it():
-    with pytest.raises(UserError, match=r"share=1 is not of type float; write 1\.0"):
-        build({"_target_": f"{__name__}.Choice", "kind": "concat", "share": 1}, "choice")
-
-
 def test_an_error_of_a_loader_process_is_its_message_alone():
     caught = "Caught ValueError in DataLoader worker process 0.\nOriginal Traceback (most recent call last):\n  x\n"
     text = f"{caught}ValueError: a.jpg is cut\n"
@@ -231,7 +227,7 @@ def own(tmp_path):
 )
 def test_settings_may_lie_in_a_folder_of_ones_own(own, arguments):
     given = check_overrides("train", [*arguments, "--config-dir", str(own)])
-    assert given[:4] == ["--config-dir", str(own), *arguments][:4]
+    assert given[: 2 + len(arguments)] == ["--config-dir", str(own), *arguments]
 
 
 @pytest.mark.parametrize(
@@ -253,7 +249,7 @@ def test_the_nearest_is_looked_for_in_both_folders(own, argument, answer):
         ("experiment/bad.yaml", "trainer: {max_stepz: 3}", "unknown key 'trainer.max_stepz'; did you mean"),
         ("experiment/bad.yaml", "trainer: {batch_size: many}", "trainer.batch_size=many is not a whole number"),
         ("experiment/bad.yaml", "grid: {cel: 3}", "unknown key 'grid.cel'; did you mean grid.cell"),
-        ("experiment/bad.yaml", "a: [", ""),
+        ("experiment/bad.yaml", "a: [", "experiment/bad.yaml"),
         ("experiment/nano.yaml", "name: mine", "has the name of a file of the project"),
         ("sweep/bad.yaml", "hydra: {mode: MULTIRUN, sweeper: {params: {sede: '1,2'}}}", "did you mean seed"),
     ],

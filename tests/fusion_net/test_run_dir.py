@@ -119,7 +119,7 @@ def test_damaged_settings_are_named(tmp_path, name, text):
 )
 def test_a_name_is_a_folder_below_runs(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(ValueError, match="^name="):
+    with pytest.raises(ValueError, match=r"^name="):
         run_folder(name)
 
 

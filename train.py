@@ -1,19 +1,18 @@
 """``python train.py experiment=nano name=NAME``: trains a detector into runs/NAME."""
 
-from pathlib import Path
-
 from omegaconf import DictConfig
 
 from fusion_net.cli import command
+from fusion_net.command_line import command_line
 
 
 @command(config_name="train")
 def main(cfg: DictConfig) -> None:
     """Trains what ``cfg`` describes."""
-    from fusion_net.run_dir import is_finished
+    from fusion_net.run_dir import is_finished, run_folder
     from fusion_net.training.fit import fit
 
-    folder = Path("runs") / str(cfg.name)
+    folder = run_folder(cfg.name)
     if cfg.skip_finished:
         if is_finished(folder, cfg):
             print(f"{folder} is finished")
@@ -21,7 +20,7 @@ def main(cfg: DictConfig) -> None:
         cfg.resume = (folder / "checkpoints" / "last.ckpt").exists()
         cfg.overwrite = not cfg.resume
     fit(cfg)
-    print(f"done; score it with: python eval.py run={folder}")
+    print(f"done; score it with: {command_line('eval.py', run=folder)}")
 
 
 if __name__ == "__main__":

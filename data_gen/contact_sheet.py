@@ -15,6 +15,7 @@ from data_gen.conditions import ConditionMix
 from data_gen.coverage import view_of
 from data_gen.episode import build_episode
 from data_gen.layout import LAYOUTS
+from data_gen.picture_file import picture_file
 from data_gen.rig import Rig
 from data_gen.scene import Scene
 from data_gen.sensors.camera import CameraFrame
@@ -33,15 +34,16 @@ def main(cfg: DictConfig) -> None:
     """Draws the sheet that ``cfg.show`` names into ``cfg.out``."""
     from data_gen.sensor_sheet import draw_sensors
 
+    out = picture_file(cfg.out)
     rig, mix = build(cfg.rig, "rig"), build(cfg.condition, "condition")
     settings: dict[str, Any] = {"severity": cfg.severity, "seed": cfg.seed}
     if cfg.show == "layouts":
-        draw_layouts(Path(cfg.out), rig, mix, **settings)
+        draw_layouts(out, rig, mix, **settings)
     elif cfg.show == "sensors":
-        draw_sensors(Path(cfg.out), rig, mix, layout=cfg.layout, **settings)
+        draw_sensors(out, rig, mix, layout=cfg.layout, **settings)
     else:
         raise ValueError(f"show={cfg.show} is neither layouts nor sensors")
-    print(f"wrote {cfg.out}")
+    print(f"wrote {out}")
 
 
 def draw_layouts(path: Path, rig: Rig, mix: ConditionMix, *, severity: int, seed: int) -> None:

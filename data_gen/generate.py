@@ -8,6 +8,7 @@ settings and on the scene's index, never on the number of workers, shards or sce
 import errno
 import json
 import os
+import re
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -44,6 +45,10 @@ class DataConfig:
     split_weights: dict[str, int] = field(default_factory=lambda: {"train": 20, "val": 2, "test": 1})
 
     def __post_init__(self) -> None:
+        if not re.fullmatch(r"[\w.-]+", self.name):
+            raise ValueError(f"name={self.name!r} is part of file names: write letters, digits, '_', '-' and '.'")
+        if not self.root:
+            raise ValueError("root='' names no folder")
         if self.num_scenes < 1 or self.keyframes < 1:
             raise ValueError(f"num_scenes={self.num_scenes} and keyframes={self.keyframes} must be at least 1")
         if min(self.split_weights.values(), default=0) < 0 or not any(self.split_weights.values()):

@@ -9,6 +9,8 @@ import re
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, NamedTuple
 
+from fusion_net.command_line import command_line
+
 if TYPE_CHECKING:
     from data_gen.rig import Camera, Lidar, Mount, Radar, Rig
 
@@ -49,7 +51,7 @@ def check_rig(rig: "Rig") -> None:
     for key, value, why, nearest in _problems(rig):
         what = f"{key}={_text(value)}" if value is not None else key
         mend = f"; the nearest that works is rig.{key}={_text(nearest)}" if nearest is not None else ""
-        raise ValueError(f"{what} {why}{mend}; to see the rig: python -m data_gen.rig_preview rig={rig.name}")
+        raise ValueError(f"{what} {why}{mend}; to see the rig: {command_line('-m data_gen.rig_preview', rig=rig.name)}")
 
 
 def _problems(rig: "Rig") -> Iterator[Problem]:

@@ -5,12 +5,12 @@ or by none; from the side the LiDAR's beams and the cameras' vertical fields. Th
 """
 
 from collections.abc import Mapping
-from pathlib import Path
 
 import numpy as np
 from omegaconf import DictConfig
 
 from data_gen.coverage import gaps, nearest_ground, sector_deg
+from data_gen.picture_file import picture_file
 from data_gen.rig import Camera, Lidar, Mount, Radar, Rig
 from data_gen.sensors.lidar import ELEVATION_DEG
 from fusion_net.cli import build, command
@@ -61,12 +61,9 @@ def main(cfg: DictConfig) -> None:
     """Prints the table of ``cfg.rig`` and writes its picture to ``cfg.out``."""
     from data_gen.rig_drawing import draw
 
-    out = Path(cfg.out)
-    if out.suffix not in (".png", ".jpg", ".pdf", ".svg"):
-        raise ValueError(f"out={out} is no picture; end it with .png")
+    out = picture_file(cfg.out)
     rig = build(cfg.rig, "rig")
     print(table(rig))
-    out.parent.mkdir(parents=True, exist_ok=True)
     draw(rig, out)
     print(out)
 

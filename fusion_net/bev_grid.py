@@ -25,6 +25,8 @@ class BEVGrid:
     cell: float
 
     def __post_init__(self) -> None:
+        if not (0 < self.cell < math.inf and all(map(math.isfinite, (self.x_min, self.x_max, self.y_min, self.y_max)))):
+            raise ValueError(f"grid: cell={self.cell} must be above 0, and all bounds finite")
         for axis, low, high in (("x", self.x_min, self.x_max), ("y", self.y_min, self.y_max)):
             cells = (high - low) / self.cell
             if cells < 1 or not math.isclose(cells, round(cells), abs_tol=1e-6):

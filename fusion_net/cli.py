@@ -1,43 +1,33 @@
-"""The front door of every command: checks overrides before Hydra sees them, and turns a user's mistake into one line.
+"""The front door of every command: the command line is checked before Hydra sees it, and a user's mistake becomes one line.
 
-Hydra alone suggests ``+key=value`` for a typo, which then silently adds a key that nobody reads. Here an unknown key, group
-or option is answered with the nearest valid one, and exceptions that are the user's to mend (ValueError, FileNotFoundError,
-OSError, a constructor's refusal) end the command with their message and exit code 1 instead of a traceback. In a sweep each
-job that fails says so in one line, and the others go on.
+Exceptions that are the user's to mend (ValueError, FileNotFoundError, OSError, a constructor's refusal) end the command with
+their message and exit code 1 instead of a traceback. In a sweep each job that fails says so in one line, and the others go on.
 """
 
-import difflib
 import os
 import re
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from beartype.roar import BeartypeCallHintViolation
-from hydra import compose, initialize_config_dir
 from hydra import main as hydra_main
 from hydra.core.hydra_config import HydraConfig
-from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import HydraException, InstantiationException, MissingConfigException
 from hydra.types import RunMode
 from hydra.utils import instantiate
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import MissingMandatoryValue, OmegaConfBaseException
 
+from fusion_net.flags import UserError
+from fusion_net.hints import with_floats
+from fusion_net.override_values import nearest
+from fusion_net.overrides import CONFIGS, check_overrides
 from fusion_net.terminal import print_any_text
-
-CONFIGS = Path(__file__).resolve().parents[1] / "configs"
-
-
-class UserError(ValueError):
-    """A mistake that the user can mend; its message says what, where and how."""
-
 
 MISTAKES = (ValueError, OSError, HydraException, OmegaConfBaseException, BeartypeCallHintViolation)
 """What a user can mend; anything else is a bug and keeps its traceback."""
-LISTS = ("data.root",)
-"""Keys that take one name or a list of them."""
 
 
 class JobError(Exception):
@@ -56,10 +46,8 @@ def command(config_name: str) -> Callable[[Callable[[DictConfig], Any]], Callabl
         def run() -> None:
             print_any_text()
             os.environ["HYDRA_FULL_ERROR"] = "1"  # Hydra then raises its own errors instead of printing them
-            # and it takes overrides on one side of a flag only: -m goes to the front
-            sys.argv[1:] = sorted(sys.argv[1:], key=lambda arg: arg not in ("-m", "--multirun"))
             try:
-                check_overrides(config_name, sys.argv[1:])
+                sys.argv[1:] = check_overrides(config_name, sys.argv[1:])
             except UserError as error:
                 _stop(str(error), code=2)
             try:
@@ -78,7 +66,8 @@ def command(config_name: str) -> Callable[[Callable[[DictConfig], Any]], Callabl
 
 def _guard(function: Callable[[DictConfig], Any], cfg: DictConfig) -> Any:
     try:
-        return function(cfg)
+        settings = OmegaConf.create(_with_home(OmegaConf.to_container(cfg, resolve=False)), flags={"struct": True})
+        return function(settings)
     except KeyboardInterrupt as interruption:
         advice = str(interruption) or "what was written is kept, and the same command goes on from there"
         _stop(f"interrupted; {advice}", code=130)
@@ -90,83 +79,11 @@ def _guard(function: Callable[[DictConfig], Any], cfg: DictConfig) -> Any:
         raise JobError from None
 
 
-def check_overrides(config_name: str, argv: list[str]) -> None:
-    """Raises UserError for an override that does not parse, or names an unknown key, group or option."""
-    texts = [arg for arg in argv if "=" in arg and not arg.startswith("-")]
-    try:
-        overrides = OverridesParser.create().parse_overrides(texts)
-    except HydraException as error:
-        reason = str(error).splitlines()[0]
-        raise UserError(f"cannot read the override: {reason}; quote lists for the shell: 'key=[a,b]'") from error
-    stray = [arg for arg in argv if "=" not in arg and not arg.startswith("-")]
-    if stray and not any(
-        arg in ("--config-name", "--config-path", "--info", "-i", "--cfg", "-c", "-cn") for arg in argv
-    ):
-        raise UserError(f"'{stray[0]}' is not an override; write key=value")
-    groups = {
-        path.name: sorted(file.stem for file in path.glob("*.yaml")) for path in CONFIGS.iterdir() if path.is_dir()
-    }
-    chosen = []
-    for override in overrides:
-        key, value = override.key_or_group, override.value()
-        if key in groups and isinstance(value, str) and not override.is_sweep_override():
-            if value not in groups[key]:
-                raise UserError(f"there is no {key}={value}; {_nearest(value, groups[key])}")
-            if key == "sweep" and not override.is_add():
-                raise UserError(f"a sweep is added to the settings: write +sweep={value}")
-            chosen.append(str(override.input_line))
-        elif key in groups and not override.is_sweep_override() and value is not None:
-            raise UserError(f"{key}={value} is not a file name; there are {', '.join(groups[key])}")
-    with initialize_config_dir(str(CONFIGS), version_base="1.3"):
-        try:
-            composed = compose(config_name, overrides=chosen)
-            known = set(_keys(composed))
-        except HydraException as error:
-            raise UserError(str(error).splitlines()[0]) from error
-    for override in overrides:
-        key = override.key_or_group
-        if override.is_add() or key in groups or key.startswith(("hydra.", "hydra/")):
-            continue
-        if key not in known:
-            raise UserError(f"unknown override '{key}'; {_nearest(key, sorted(known | set(groups)))}")
-        if not override.is_delete() and not override.is_sweep_override():
-            _check_type(key, override.value(), _raw(composed, key))
-
-
-def _check_type(key: str, value: Any, default: Any) -> None:
-    """A value must be of its default's kind. Nothing is known where that is null or a reference."""
-    if isinstance(default, str) and ("${" in default or default == "???"):
-        return
-    text, old = f"{key}={'null' if value is None else value}", "false" if default is False else "true"
-    if isinstance(default, dict) and isinstance(value, dict):
-        for inner in map(str, value):
-            if inner not in default:
-                raise UserError(f"unknown key '{inner}' in {key}; {_nearest(inner, list(default))}")
-    elif isinstance(default, bool):
-        if not isinstance(value, bool):
-            raise UserError(f"{text} is not true or false; the default is {old}")
-    elif isinstance(default, int | float):
-        kinds, name = (int, "whole number") if isinstance(default, int) else (int | float, "number")
-        if not isinstance(value, kinds) or isinstance(value, bool):
-            raise UserError(f"{text} is not a {name}; the default is {default}")
-    elif isinstance(default, list) and not isinstance(value, list):
-        raise UserError(f"{text} is not a list; write '{key}=[{value}]'")
-    elif isinstance(default, str) and (value is None or (isinstance(value, list | dict) and key not in LISTS)):
-        raise UserError(f"{text} is not a name; the default is {default}")
-
-
-def _raw(cfg: DictConfig, key: str) -> Any:
-    """The value at a dotted key with references left as they are written."""
-    value: Any = OmegaConf.to_container(cfg, resolve=False)
-    for part in key.split("."):
-        value = value[part]
-    return value
-
-
 def build(node: Any, where: str, **arguments: Any) -> Any:
     """The object that a config node with ``_target_`` describes. A wrong name or type raises UserError naming the key."""
     try:
-        return instantiate(node, _convert_="all", **arguments)
+        settings = OmegaConf.to_container(node, resolve=True) if OmegaConf.is_config(node) else node
+        return instantiate(with_floats(settings), _convert_="all", **arguments)
     except InstantiationException as error:
         found = re.search(r"full_key: (\S+)", str(error))
         key, reason = found.group(1) if found else where, one_line(error.__cause__ or error)
@@ -190,28 +107,21 @@ def one_line(error: BaseException) -> str:
         hint = re.sub(r"<class '(\w+)'>", r"\1", violated.group(3))
         if "Literal[" in hint:
             choices = re.findall("'(.*?)'", hint)
-            return f"there is no {name}={value}; {_nearest(value, choices)}"
-        is_whole = hint == "float" and re.fullmatch("-?[0-9]+", value)
-        return f"{name}={violated.group(2)} is not of type {hint}" + (f"; write {value}.0" if is_whole else "")
+            return f"there is no {name}={value}; {nearest(value, choices)}"
+        return f"{name}={violated.group(2)} is not of type {hint}"
     return text or type(error).__name__
 
 
-def _nearest(word: str, options: list[str]) -> str:
-    close = difflib.get_close_matches(word, options, n=2, cutoff=0.5)
-    if close:
-        return f"did you mean {' or '.join(close)}?"
-    return f"there are {', '.join(options[:12])}{', ...' if len(options) > 12 else ''}"
-
-
-def _keys(node: Any, prefix: str = "") -> Iterator[str]:
-    """Dotted names of every key of a config, inner ones too."""
-    if OmegaConf.is_dict(node):
-        for key in node:
-            yield f"{prefix}{key}"
-            if not OmegaConf.is_missing(node, key) and not OmegaConf.is_interpolation(node, key):
-                yield from _keys(node[key], f"{prefix}{key}.")
+def _with_home(node: Any) -> Any:
+    """Settings in which ``~`` at the front of a text is the home folder."""
+    if isinstance(node, dict):
+        return {key: _with_home(value) for key, value in node.items()}
+    if isinstance(node, list):
+        return [_with_home(value) for value in node]
+    return str(Path(node).expanduser()) if isinstance(node, str) and node.startswith("~") else node
 
 
 def _stop(message: str, *, code: int) -> None:
-    print(f"error: {message}", file=sys.stderr)
+    line = re.sub(r"(\S{80})\S{80,}", r"\1...", " ".join(message.split()))
+    print(f"error: {line}", file=sys.stderr)
     raise SystemExit(code)

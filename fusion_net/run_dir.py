@@ -3,6 +3,7 @@
 import json
 import os
 import platform
+import shlex
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -14,7 +15,25 @@ from omegaconf import DictConfig, OmegaConf
 from yaml import YAMLError
 
 from fusion_net.atomic import replacing
+from fusion_net.command_line import command_line
 from fusion_net.settings import differences
+
+LONGEST_NAME = 200
+"""Bytes of a folder's name; file systems take 255."""
+
+
+def run_folder(name: str) -> Path:
+    """``runs/NAME``. ValueError when that would not be a folder of its own below ``runs/``; NAME may hold folders: a/b."""
+    text, runs = str(name), Path("runs")
+    parts = text.split("/")
+    if not all(part.strip() and part not in (".", "..") and part.isprintable() for part in parts) or parts[0] == "runs":
+        raise ValueError(f"name={text!r} is not a folder below runs/; write name=mine, or name=study/mine")
+    if any(len(part.encode()) > LONGEST_NAME for part in parts):
+        raise ValueError(f"name={text[:20]}... is longer than {LONGEST_NAME} bytes; write a shorter one")
+    for end in range(1, len(parts)):
+        if (around := runs.joinpath(*parts[:end]) / "config.yaml").exists():
+            raise ValueError(f"name={text} lies within the run {around.parent}; pass name=ANOTHER")
+    return runs / text
 
 
 def open_run(folder: Path, cfg: DictConfig, *, resume: bool, overwrite: bool, data: Sequence[str] = ()) -> Path:
@@ -75,7 +94,8 @@ def load_config(folder: Path) -> DictConfig:
     path = folder / "config.yaml"
     if not path.exists():
         near = sorted(p.parent.name for p in folder.parent.glob("*/config.yaml")) if folder.parent.is_dir() else []
-        known = f"there are {', '.join(near)}" if near else "train one: python train.py experiment=nano name=NAME"
+        train = command_line("train.py", experiment="nano", name=folder.name or "mine")
+        known = f"there are {', '.join(near)}" if near else f"train one: {train}"
         raise FileNotFoundError(f"no run at {folder}; {known}")
     try:
         loaded = OmegaConf.load(path)
@@ -132,7 +152,7 @@ def environment() -> dict[str, Any]:
     import numpy
 
     return {
-        "command": " ".join([Path(sys.argv[0]).name, *sys.argv[1:]]),
+        "command": shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]]),
         "git": git_revision(),
         "python": platform.python_version(),
         "torch": torch.__version__,

@@ -3,6 +3,8 @@
 import errno
 import json
 import os
+import re
+import shlex
 import signal
 import subprocess
 import sys
@@ -12,9 +14,12 @@ from pathlib import Path
 import pytest
 import torch
 
+from fusion_net.command_line import as_override
+
 PROJECT = Path(__file__).resolve().parents[1]
 ENVIRONMENT = os.environ | {"OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
 DATA_GEN = ["-m", "data_gen", "data=nano", "workers=1"]
+SHEET, PREVIEW = ["-m", "data_gen.contact_sheet"], ["-m", "data_gen.rig_preview"]
 TRAIN, EVAL = [str(PROJECT / "train.py"), "trainer=smoke"], [str(PROJECT / "eval.py")]
 
 
@@ -31,6 +36,12 @@ def run(arguments, folder):
     command = start(arguments, folder)
     out, error = command.communicate(timeout=240)
     return command.returncode, out, error
+
+
+def advised(printed):
+    """The arguments of each command that was printed, as a shell reads them."""
+    lines = re.findall(r"python (.+)", printed)
+    return [[str(PROJECT / word) if word.endswith(".py") else word for word in shlex.split(line)] for line in lines]
 
 
 def press(number, arguments, folder, *, once):
@@ -93,6 +104,27 @@ MISTAKES = [
     (DATA_GEN, "data.root=/proc/nowhere", "cannot write to data.root=/proc/nowhere"),
     (DATA_GEN, "data.root=[a,b]", "root=['a', 'b'] is not of type str"),
     (TRAIN, "sweep=seeds", "write +sweep=seeds"),
+    (TRAIN, "+trainer.max_steps=3", "unknown override 'trainer.max_steps'; did you mean trainer.max_minutes"),
+    (TRAIN, "data.num_scenes=20", "it is a setting of python -m data_gen"),
+    (TRAIN, "data.root=~/nowhere", f"no data in {Path.home()}/nowhere; make some: python -m data_gen"),
+    (TRAIN, "--foo", "unknown flag --foo"),
+    (TRAIN, "-m --cfg job", "Only one of"),
+    (TRAIN, "-m seed=1,2", "all jobs of this sweep would be runs/nano"),
+    (TRAIN, "seed=-1", "seed=-1 is not within 0"),
+    (TRAIN, "trainer.workers=-1", "trainer.workers=-1 is not a number of processes"),
+    (TRAIN, "encoders=[camera,camera]", "'camera' is there twice"),
+    (TRAIN, "grid.cell=0", "cell=0.0 must be above 0"),
+    (TRAIN, f"data.root={'x' * 300}", "File name too long"),
+    (EVAL, "run=null", "run=null is not a name"),
+    (EVAL, "run=5", "no run at 5"),
+    (EVAL, "run=a bootstrap=0", "bootstrap=0 must be at least 1"),
+    (DATA_GEN, "data.name=a/b", "name='a/b' is part of file names"),
+    (DATA_GEN, "data.root=", "root='' names no folder"),
+    (DATA_GEN, "+rig.cameras.CAM_FRONT.hfov=3", "did you mean rig.cameras.CAM_FRONT.hfov_deg"),
+    (SHEET, "show=foo", "show=foo is neither layouts nor sensors"),
+    (SHEET, "out=foo.xyz", "out=foo.xyz is no picture; end it with .png"),
+    (PREVIEW, "--junk", "unknown flag --junk"),
+    (PREVIEW, "rig=nanoo", "did you mean nano?"),
     (TRAIN, "data.root=[]", "data.root=[] names no folder of data"),
 ]
 
@@ -221,10 +253,13 @@ def test_shards_made_side_by_side_train_and_are_scored_as_one_data_set(data, tra
 def test_a_sweep_does_what_is_left_and_a_job_that_fails_stops_no_other(data, tmp_path):
     steps = ("trainer.camera_steps=2", "trainer.alone_steps=2", "trainer.fusion_steps=4")
     command = [*TRAIN, "-m", "+sweep=seeds", "seed=1,2", *steps, f"data.root={data}"]
-    assert run(command, tmp_path)[0] == 0
+    code, printed, _ = run(command, tmp_path)
+    assert code == 0
+    for advice in advised(printed):
+        assert run([*advice, "bootstrap=2"], tmp_path)[0] == 0
     sweep = tmp_path / "runs/sweeps/seeds"
     one, two = sorted(path for path in sweep.iterdir() if path.is_dir())
-    assert [one.name[:6], two.name[:6]] == ["seed=1", "seed=2"]
+    assert [one.name[:6], two.name[:6]] == ["seed-1", "seed-2"]
     assert sorted(path.name for path in sweep.iterdir() if path.is_file()) == ["multirun.yaml"]
     assert [path.name for path in tmp_path.iterdir()] == ["runs"]
     was = {path: path.stat().st_mtime_ns for path in sweep.rglob("*") if path.is_file() and path.parent != sweep}
@@ -236,11 +271,63 @@ def test_a_sweep_does_what_is_left_and_a_job_that_fails_stops_no_other(data, tmp
     (two / "env.json").write_text("{}")  # interrupted after its last checkpoint
     code, out, error = run(command, tmp_path)
     assert code == 1
-    assert "seed=1 is a run with other settings (modality_dropout: 0.4 there, 0.3 asked for)" in error.replace(
-        one.name, "seed=1"
-    )
+    assert f"{one.name} is a run with other settings (modality_dropout: 0.4 there, 0.3 asked for)" in error
     assert "Traceback" not in error
     assert json.loads((two / "env.json").read_text())["finished"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["it's a, [run]", "seed=1,lr=${x}", "2026_01"])
+def test_the_command_that_is_printed_scores_a_run_of_any_name(data, tmp_path, name):
+    steps = ("trainer.camera_steps=2", "trainer.alone_steps=2", "trainer.fusion_steps=4")
+    code, printed, error = run([*TRAIN, f"data.root={data}", f"name={as_override(name)}", *steps], tmp_path)
+    assert code == 0, error
+    (advice,) = advised(printed)
+    code, _, error = run([*advice, "bootstrap=2"], tmp_path)
+    assert code == 0, error
+    assert (tmp_path / "runs" / name / "eval" / "drop_table.json").exists()
+
+
+@pytest.mark.slow
+def test_the_commands_that_messages_advise_can_be_given(tmp_path):
+    """Each with --cfg job, which reads it and prints the settings."""
+    folder = "no data, [here]"
+    for command in ([*TRAIN, f"data.root={as_override(folder)}"], [*EVAL, f"run={as_override(folder)}"]):
+        _, _, error = run(command, tmp_path)
+        (advice,) = advised(error)
+        code, out, error = run([*advice, "--cfg", "job"], tmp_path)
+        assert code == 0, error
+        assert folder in out
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", [TRAIN, EVAL, DATA_GEN, SHEET, PREVIEW], ids=lambda command: command[-1][-12:])
+@pytest.mark.parametrize(
+    "flags", [["--help"], ["--cfg", "job"], ["--info", "defaults-tree"]], ids=lambda flags: flags[0]
+)
+def test_flags_that_only_tell_end_well(command, flags, tmp_path):
+    code, out, error = run([*command, *flags], tmp_path)
+    assert (code, error) == (0, "")
+    assert out
+
+
+@pytest.mark.slow
+def test_every_command_takes_settings_from_a_folder_of_ones_own(tmp_path):
+    for group, like in (("fault", "lidar_beams"), ("rig", "nano"), ("condition", "fog"), ("trainer", "smoke")):
+        path = tmp_path / "own" / group / "mine.yaml"
+        path.parent.mkdir(parents=True)
+        path.write_text(
+            (PROJECT / "configs" / group / f"{like}.yaml").read_text().replace(f"name: {like}", "name: mine")
+        )
+    for command, choice in (
+        (TRAIN[:1], "trainer=mine"), (EVAL, "fault=mine"), (DATA_GEN, "rig=mine"), (SHEET, "condition=mine"),
+        (PREVIEW, "rig=mine"),
+    ):  # fmt: skip
+        code, _, error = run([*command, "--config-dir", "own", choice, "--cfg", "job"], tmp_path)
+        assert (code, error) == (0, "")
+    code, _, error = run([*PREVIEW, "rig=mine", "--config-dir", "own", "out=mine.png"], tmp_path)
+    assert code == 0, error
+    assert (tmp_path / "mine.png").exists()
 
 
 @pytest.mark.slow

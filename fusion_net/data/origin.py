@@ -1,9 +1,10 @@
 """How a generated tree was made, as its manifest says."""
 
-import re
 import shlex
 from pathlib import Path
 from typing import Any
+
+from fusion_net.command_line import as_override
 
 
 def generating_command(root: Path, manifest: dict[str, Any]) -> str:
@@ -13,6 +14,5 @@ def generating_command(root: Path, manifest: dict[str, Any]) -> str:
     folder that the command names.
     """
     command = manifest.get("command", "")
-    folder = str(root.parent if manifest.get("shard") else root)
-    quoted = folder if re.fullmatch(r"[\w./-]+", folder) else f"'{folder}'"  # as Hydra reads it
-    return f"{command} {shlex.quote(f'data.root={quoted}')}" if command else ""
+    folder = root.parent if manifest.get("shard") else root
+    return f"{command} {shlex.quote(f'data.root={as_override(folder)}')}" if command else ""

@@ -7,6 +7,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from fusion_net.command_line import command_line
 from fusion_net.data.origin import generating_command
 from fusion_net.data.table_fields import FIELDS, OPTIONAL, Field, Record, Tables
 
@@ -17,7 +18,8 @@ LONGEST = 80
 def version_folder(root: Path, version: str | None = None) -> Path:
     """The folder ``v1.0-*`` of tables of a tree that is whole: the one of this name, or the only one."""
     if not root.is_dir() or not any(root.iterdir()):
-        raise ValueError(f"no data in {root}; make some: python -m data_gen data=nano data.root={root}")
+        make = command_line("-m data_gen", data="nano", data__root=root)
+        raise ValueError(f"no data in {root}; make some: {make}")
     about = manifest(root)
     if not about.get("complete", True):
         command = generating_command(root, about) or "give the command that made it again"

@@ -57,6 +57,9 @@ def load_run(
 def evaluate_run(cfg: DictConfig) -> None:
     """What ``eval.py`` does: prints the drop table and writes everything into a folder under RUN/eval; of a split without
     labels the result file alone."""
+    for name in ("batch_size", "bootstrap"):
+        if cfg[name] < 1:
+            raise ValueError(f"{name}={cfg[name]} must be at least 1")
     folder = Path(cfg.run)
     model, dataset, trained = load_run(
         folder,

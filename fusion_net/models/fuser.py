@@ -77,10 +77,11 @@ def make_fuser(
     outputs: int,
 ) -> nn.Module:
     """The fuser that a configuration names, for the sensors that it keeps."""
-    unknown = [name for name in modalities if name not in channels]
-    if unknown or not modalities:
-        wrong = f"{unknown[0]!r} is no sensor" if unknown else "no sensor is named"
-        raise ValueError(f"encoders: {wrong}; choose from {', '.join(channels)}")
+    wrong = [f"{name!r} is no sensor" for name in modalities if name not in channels]
+    wrong += [f"{name!r} is there twice" for name in modalities if modalities.count(name) > 1]
+    wrong += [] if modalities else ["no sensor is named"]
+    if wrong:
+        raise ValueError(f"encoders: {wrong[0]}; choose from {', '.join(channels)}")
     kept = {name: channels[name] for name in modalities}
     if kind == "concat":
         return ConcatFuser(channels=kept, outputs=outputs)

@@ -15,7 +15,7 @@ from fusion_net.cli import build
 from fusion_net.data.datamodule import NuScenesDataset, StepSampler, make_loader, train_loader
 from fusion_net.evaluation.scoring import ground_truth
 from fusion_net.models.fusion_net import FusionNet
-from fusion_net.run_dir import mark_finished, open_run, resume_step
+from fusion_net.run_dir import mark_finished, open_run, resume_step, run_folder
 from fusion_net.structures import Batch
 from fusion_net.training.callbacks import MetricsCSV, PlanCallback, TerminalProgress
 from fusion_net.training.interruption import Interruption
@@ -29,11 +29,15 @@ def fit(cfg: DictConfig) -> Path:
     """Trains what the config describes; returns the run's folder. Mistakes in it, and data that cannot be read or does not
     suit the model, raise before anything is written. Ctrl-C and SIGTERM let the step end first and write
     ``checkpoints/last.ckpt``, from which ``resume=true`` goes on as if nothing had been, to the bit."""
+    if not 0 <= cfg.seed < 2**32:
+        raise ValueError(f"seed={cfg.seed} is not within 0 and 2**32 - 1")
     pl.seed_everything(cfg.seed, verbose=False)
     settings = cfg.trainer
     for name in ("batch_size", "validate_every", "save_every"):
         if settings[name] < 1:
             raise ValueError(f"trainer.{name}={settings[name]} must be at least 1")
+    if settings.workers < 0:
+        raise ValueError(f"trainer.workers={settings.workers} is not a number of processes; 0 reads in this one")
     model = build(cfg.model, "model")
     train_set, val_set = _datasets(cfg)
     plan = _plan(cfg)
@@ -46,7 +50,7 @@ def fit(cfg: DictConfig) -> Path:
         max_lr=settings.max_lr,
         seed=cfg.seed,
     )
-    folder = Path("runs") / str(cfg.name)
+    folder = run_folder(cfg.name)
     last = folder / "checkpoints" / "last.ckpt"
     first_step = resume_step(model, last) if cfg.resume and last.exists() else 0
     sampler = StepSampler(

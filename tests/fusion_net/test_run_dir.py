@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import pytest
 import torch
 from omegaconf import OmegaConf
@@ -11,6 +13,7 @@ from fusion_net.run_dir import (
     open_run,
     refuse_other_data,
     resume_step,
+    run_folder,
 )
 
 CONFIG = OmegaConf.create(
@@ -138,3 +141,21 @@ def test_damaged_settings_are_named(tmp_path, name, text):
     (folder / name).write_text(text)
     with pytest.raises(ValueError, match=f"{name} (is damaged|holds no settings)"):
         is_finished(folder, CONFIG)
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["", " ", ".", "..", "a/../b", "/abs", "a//b", "a/", "./a", "runs/a", "a\nb", "x" * 300, "study/" + "x" * 300],
+)
+def test_a_name_is_a_folder_below_runs(name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ValueError, match=r"^name="):
+        run_folder(name)
+
+
+def test_a_name_may_hold_folders_but_not_a_run(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert run_folder("study/a b=ü") == Path("runs/study/a b=ü")
+    open_run(run_folder("mine"), CONFIG, resume=False, overwrite=False)
+    with pytest.raises(ValueError, match="lies within the run runs/mine"):
+        run_folder("mine/eval")

@@ -6,6 +6,7 @@ all boxes nearby are gathered: returns of other things lie anywhere, those of th
 
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from findings import Finding, share
@@ -13,17 +14,49 @@ from radar_scans import ALL_RADARS, FRONT, Scan, Seen, by_case
 
 PLAIN = 20
 """LiDAR points from which a vehicle has to show in a radar."""
-DEPTH = 0.3
-"""Metres behind the nearest point of a box at which returns pile up: bumpers are rounded, sides are seen aslant."""
 BROAD = 8.0
 """Degrees of half a width from which a box says little about the bearing."""
-CELL, REACH, SOFT = 3.0, (25.0, 4.0), (2.0, 0.3)
-"""Degrees about a box that its returns lie in, mostly (the noise is 1.4 to 2.2 of them, more to the sides); degrees and metres
-in which offsets are gathered and by which they are smoothed."""
+CELL = 3.0
+"""Degrees about a box that its returns lie in, mostly: the bearing's noise is 1.4 to 2.2 of them, more to the sides."""
 STILL, FAST = 0.05, 2.0
 """m/s up to which an object is at rest, and along the ray from which it moves: either sign is then plain."""
-OFF_VELOCITY = (0.35, 0.6)
+OFF_VELOCITY = (0.35, 0.5)
 """m/s at rest and moving: the noise of the bearing (2 degrees) times the speed across the ray (10 m/s), wheels and legs."""
+
+
+@dataclass(frozen=True)
+class Pile:
+    """Offsets are gathered up to ``reach``, smoothed by ``soft``, and should pile up at ``at``: within ``systematic`` and
+    ``noise`` / sqrt(N) of it, N being all offsets. Returns of one object come in threes, so that the noise is some five times
+    their scatter."""
+
+    what: str
+    unit: str
+    reach: float
+    soft: float
+    at: float
+    systematic: float
+    noise: float
+
+    def finding(self, offsets: np.ndarray, case: str) -> Finding:
+        """How far from where they should do offsets (N,) pile up."""
+        limit = self.systematic + self.noise / math.sqrt(max(len(offsets), 1))
+        return Finding(self.what, abs(self._top(offsets) - self.at), "<=", limit, len(offsets), self.unit, case, 60)
+
+    def _top(self, offsets: np.ndarray) -> float:
+        """Where most lie: the mode, smoothed by a Gaussian, refined by mean shift."""
+        grid = np.linspace(-self.reach, self.reach, 241)
+        top = float(grid[np.exp(-0.5 * ((offsets[:, None] - grid) / self.soft) ** 2).sum(axis=0).argmax()])
+        for _ in range(20):
+            weights = np.exp(-0.5 * ((offsets - top) / self.soft) ** 2)
+            top = float(weights @ offsets / max(weights.sum(), 1e-9))
+        return top
+
+
+ACROSS = Pile("radar: bearing of returns, off the boxes", "deg", 25.0, 2.0, 0.0, 0.5, 20.0)
+"""Noise of the bearing and half the widths of boxes: some 4 degrees."""
+ALONG = Pile("radar: range of returns, off the near side of boxes", "m", 4.0, 0.3, 0.3, 0.25, 4.0)
+"""Behind the nearest point of a box by 0.3 m: bumpers are rounded, sides are seen aslant. Noise of at most 0.2 m, and depth."""
 
 
 def check_radar(scans: list[Scan]) -> Iterator[Finding]:
@@ -41,29 +74,14 @@ def _place(case: str, pairs: list[tuple[Scan, Seen]]) -> Iterator[Finding]:
         aside, behind, half = scan.offsets(seen)
         in_front = (behind > FRONT[0]) & (behind < FRONT[1])
         if half < BROAD:
-            across.append(aside[in_front & (np.abs(aside) < REACH[0])])
-        along.append(behind[(np.abs(aside) < half + 1) & (np.abs(behind) < REACH[1])])
+            across.append(aside[in_front & (np.abs(aside) < ACROSS.reach)])
+        along.append(behind[(np.abs(aside) < half + 1) & (np.abs(behind) < ALONG.reach)])
         if seen.category.startswith("vehicle") and seen.lidar_points >= PLAIN:
             of += 1
             met += bool(np.any((np.abs(aside) < half + CELL) & (behind > -0.6) & (scan.range < seen.distance[1] + 0.6)))
-    yield share("radar: vehicles in plain sight have a return", met, of, 0.92 - 0.8 / math.sqrt(max(of, 1)), case, 30)
-    for what, offsets, truth, unit, kind in (
-        ("radar: bearing of returns, off the boxes", np.concatenate(across), 0.0, "deg", 0),
-        ("radar: range of returns, off the near side of boxes", np.concatenate(along), DEPTH, "m", 1),
-    ):
-        limit = (0.5 + 20 / math.sqrt(max(len(offsets), 1)), 0.25 + 4 / math.sqrt(max(len(offsets), 1)))[kind]
-        off = abs(_densest(offsets, REACH[kind], SOFT[kind]) - truth)
-        yield Finding(what, off, "<=", limit, len(offsets), unit, case, 60)
-
-
-def _densest(offsets: np.ndarray, reach: float, soft: float) -> float:
-    """Where most of the offsets (N,) lie: the mode, smoothed by a Gaussian of ``soft``, refined by mean shift."""
-    grid = np.linspace(-reach, reach, 241)
-    mode = float(grid[np.exp(-0.5 * ((offsets[:, None] - grid) / soft) ** 2).sum(axis=0).argmax()])
-    for _ in range(20):
-        weights = np.exp(-0.5 * ((offsets - mode) / soft) ** 2)
-        mode = float(weights @ offsets / max(weights.sum(), 1e-9))
-    return mode
+    yield share("radar: vehicles in plain sight have a return", met, of, 0.90 - 0.8 / math.sqrt(max(of, 1)), case, 30)
+    yield ACROSS.finding(np.concatenate(across), case)
+    yield ALONG.finding(np.concatenate(along), case)
 
 
 def _velocity(case: str, pairs: list[tuple[Scan, Seen]]) -> Iterator[Finding]:
@@ -86,4 +104,5 @@ def _velocity(case: str, pairs: list[tuple[Scan, Seen]]) -> Iterator[Finding]:
         ("radar vx_comp: of boxes at rest, off zero, median", resting, OFF_VELOCITY[0], 30),
         ("radar vx_comp: of moving boxes, off their velocity along the ray, median", moving, OFF_VELOCITY[1], 12),
     ):
+        limit += 1.5 / math.sqrt(max(len(off), 1))
         yield Finding(what, float(np.median(off)) if len(off) else 0.0, "<=", limit, len(off), "m/s", case, need)

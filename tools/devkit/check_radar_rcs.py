@@ -16,6 +16,8 @@ LEVELS = {"people": (-5.0, 6.0), "cars": (8.0, 6.0), "large vehicles": (13.0, 8.
 """dBsm of the strongest return of an object, and how far the median may be off: what is measured at 77 GHz."""
 STEPS = (("cars", "people", 6.0), ("large vehicles", "cars", 1.0))
 """Which group is stronger than which, by how many dB at least."""
+STANDS_OUT = 2.5
+"""dB by which a return of a vehicle's near side is over the median of its scan, at least."""
 ENCODABLE = (-64.0, 63.5)
 """dBsm that an ARS 408 can write, the radar of nuScenes."""
 LEVEL_OF_ALL = (2.0, 9.0)
@@ -37,13 +39,12 @@ def check_radar_rcs(scans: list[Scan]) -> Iterator[Finding]:
 
 
 def _by_group(case: str, scans: list[Scan]) -> Iterator[Finding]:
-    strongest = _strongest(scans)
+    strongest, over = _strongest(scans)
     middle, error = {}, {}
     for group, (level, width) in LEVELS.items():
         values = np.array(strongest[group] or [level])
         middle[group] = float(np.median(values))
-        spread = 1.48 * float(np.median(np.abs(values - middle[group])))
-        error[group] = 1.25 * spread / math.sqrt(len(values))
+        error[group] = _error(values, middle[group])
         what, limit = f"radar RCS: of {group}, off {level:g} dBsm", width + 3 * error[group]
         yield Finding(what, abs(middle[group] - level), "<=", limit, len(strongest[group]), "dB", case, 20)
     for high, low, least in STEPS:
@@ -51,15 +52,31 @@ def _by_group(case: str, scans: list[Scan]) -> Iterator[Finding]:
         count = min(len(strongest[high]), len(strongest[low]))
         yield Finding(f"radar RCS: {high} over {low}", middle[high] - middle[low], ">=", limit, count, "dB", case, 20)
 
+    middle["over"] = float(np.median(over or [0.0]))
+    limit = STANDS_OUT - 3 * _error(np.array(over or [0.0]), middle["over"])
+    yield Finding(
+        "radar RCS: vehicles over the median of their scan", middle["over"], ">=", limit, len(over), "dB", case, 30
+    )
 
-def _strongest(scans: list[Scan]) -> dict[str, list[float]]:
-    """By group, the strongest return of each object that has any, dBsm."""
+
+def _error(values: np.ndarray, middle: float) -> float:
+    """Standard error of the median of values (N,), from their median deviation."""
+    return 1.25 * 1.48 * float(np.median(np.abs(values - middle))) / math.sqrt(len(values))
+
+
+def _strongest(scans: list[Scan]) -> tuple[dict[str, list[float]], list[float]]:
+    """By group, the strongest return of each object that has any, dBsm; and by how many dB the median return of the near side
+    of each vehicle is over the median of its scan."""
     found: dict[str, list[float]] = {group: [] for group in GROUPS}
+    over = []
     for scan in scans:
         for seen in scan.objects:
             group = next((name for name, kinds in GROUPS.items() if seen.category.startswith(kinds)), None)
             aside, behind, half = scan.offsets(seen)
             mine = (np.abs(aside) < half + 1) & (behind > FRONT[0]) & (scan.range < seen.distance[1] + 0.4)
+            front = mine & (behind < FRONT[1])
             if group and mine.any():
                 found[group].append(float(scan.rcs[mine].max()))
-    return found
+            if group not in (None, "people") and front.any():
+                over.append(float(np.median(scan.rcs[front]) - np.median(scan.rcs)))
+    return found, over

@@ -16,6 +16,11 @@ RADAR_DTYPE = np.dtype(
 DATA = b"DATA binary\n"
 
 
+def channel_of(record: dict) -> str:
+    """Channel of a row of sample_data, which only its file's folder names."""
+    return record["filename"].split("/")[1]
+
+
 class FaultyCopy:
     """Files are shared with the tree until they are written."""
 
@@ -41,15 +46,13 @@ class FaultyCopy:
     def write_mounts(self, mounts: dict[str, dict]) -> None:
         """Replaces rows of calibrated_sensor."""
         changed = {row["token"]: row for row in mounts.values()}
-        self.write_rows(
-            "calibrated_sensor", [changed.get(row["token"], row) for row in self.rows("calibrated_sensor")]
-        )
+        self.write_rows("calibrated_sensor", [changed.get(row["token"], row) for row in self.rows("calibrated_sensor")])
 
-    def records(self, *, channel: str = "RADAR", sweeps_only: bool = False) -> list[dict]:
-        """Rows of sample_data of the radars whose channel begins so, by channel and time."""
-        rows = [row for row in self.rows("sample_data") if row["filename"].split("/")[1].startswith(channel)]
-        rows.sort(key=lambda row: (row["filename"].split("/")[1], row["timestamp"]))
-        return [row for row in rows if not (sweeps_only and row["is_key_frame"])]
+    def records(self, *, channel: str = "", sweeps_only: bool = False) -> list[dict]:
+        """Rows of sample_data of one radar or all, by channel and time."""
+        rows = [row for row in self.rows("sample_data") if channel_of(row).startswith("RADAR")]
+        rows.sort(key=lambda row: (channel_of(row), row["timestamp"]))
+        return [row for row in rows if channel in ("", channel_of(row)) and not (sweeps_only and row["is_key_frame"])]
 
     def write_records(self, records: list[dict]) -> None:
         """Replaces rows of sample_data."""

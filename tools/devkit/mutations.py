@@ -1,6 +1,6 @@
 """Damages copies of a tree, one fault of its radars at a time, and lists which checks catch each.
 
-    .venv-devkit/bin/python tools/devkit/mutations.py --root data/nano --root data/surround --docs docs/oracle.md
+.venv-devkit/bin/python tools/devkit/mutations.py --root data/nano --root data/surround --docs docs/oracle.md
 """
 
 import argparse
@@ -33,16 +33,18 @@ def findings_of(root: Path) -> list[Finding]:
     ]  # fmt: skip
 
 
-def caught(root: Path, chosen: str) -> dict[str, dict[str, list[str]]]:
-    """By fault and check, the radars and ages at which it fails; the tree itself is "nothing"."""
-    found = {"nothing": _failed(root)}
-    for name, (damage, _) in FAULTS.items():
+def caught(root: Path, chosen: str) -> dict[str, dict]:
+    """By fault, the check that was made for it, and the radars and ages at which each check that failed did; the tree itself is
+    "nothing"."""
+    found = {"nothing": {"check": "", "failed": _failed(root)}}
+    for name, (damage, check) in FAULTS.items():
         if chosen in name:
             with tempfile.TemporaryDirectory(dir=root.parent, prefix=".mutation-") as folder:
                 copy = FaultyCopy(root, Path(folder) / "tree")
                 damage(copy)
-                found[name] = _failed(copy.root)
-            print(f"{root.name}: {name}: {', '.join(found[name]) or 'NOT CAUGHT'}", file=sys.stderr)
+                failed = _failed(copy.root)
+            found[name] = {"check": check, "failed": failed}
+            print(f"{root.name}: {name}: {', '.join(failed) or 'not caught'}", file=sys.stderr)
     return found
 
 
@@ -57,13 +59,17 @@ def _failed(root: Path) -> dict[str, list[str]]:
 
 def _table(found: dict[str, dict]) -> str:
     """Markdown: the check that was made for the fault, how many others fail too, by tree."""
-    lines = ["| fault | check that catches it | " + " | ".join(found) + " |", "|---|---|" + "--:|" * len(found)]
+    lines = [
+        "| fault | check that catches it | " + " | ".join(f"`{name}`" for name in found) + " |",
+        "|---|---|" + "---|" * len(found),
+    ]
     for name, (_, check) in FAULTS.items():
         cells = []
         for faults in found.values():
             if name in faults:
-                others = len(faults[name]) - (check in faults[name])
-                cells.append(("yes" if check in faults[name] else "no") + (f", and {others} more" if others else ""))
+                failed = faults[name]["failed"]
+                others = len(failed) - (check in failed)
+                cells.append(("yes" if check in failed else "no") + (f", {others} more" if others else ""))
         lines.append(f"| {name} | {check} | " + " | ".join(cells) + " |")
     return "\n".join(lines)
 
@@ -74,7 +80,7 @@ def main() -> None:
     parser.add_argument("--root", type=Path, action="append", required=True, help="nuScenes tree; may be given again")
     parser.add_argument("--only", default="", help="faults whose name has this in it")
     parser.add_argument("--docs", type=Path, help="document to write the table into")
-    parser.add_argument("--json", type=Path, help="where to write, by tree, fault and check, the radars and ages")
+    parser.add_argument("--json", type=Path, help="where to write all that failed")
     arguments = parser.parse_args()
     found = {root.name: caught(root, arguments.only) for root in arguments.root}
     if arguments.json:

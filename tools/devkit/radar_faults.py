@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from faulty_copy import FaultyCopy
+from faulty_copy import FaultyCopy, channel_of
 from pyquaternion import Quaternion
 
 LATE = 50_000
@@ -26,17 +26,17 @@ MOVING = "radar vx_comp: of moving boxes, off their velocity along the ray, medi
 LEVEL = "radar RCS: of all returns, off 2 dBsm"
 POSSIBLE = "radar RCS: what a radar can write"
 CARS = "radar RCS: of cars, off 8 dBsm"
-ORDER = "radar RCS: cars over people"
+STANDOUT = "radar RCS: vehicles over the median of their scan"
 ORDERED = "firings of a sensor: prev and next mirror each other and time grows"
 
 
-def turned(degrees: float, channel: str = "RADAR"):
-    """Mounts turned to the left."""
+def turned(degrees: float, channel: str = ""):
+    """Mounts turned to the left: one or all."""
 
     def damage(copy: FaultyCopy) -> None:
         mounts = copy.mounts()
         for name, row in mounts.items():
-            if name.startswith(channel) and (channel == "RADAR" or name == channel):
+            if channel in ("", name):
                 turn = Quaternion(axis=[0, 0, 1], degrees=degrees)
                 row["rotation"] = (turn * Quaternion(row["rotation"])).elements.tolist()
         copy.write_mounts(mounts)
@@ -44,12 +44,14 @@ def turned(degrees: float, channel: str = "RADAR"):
     return damage
 
 
-def moved(axis: int, metres: float, channel: str):
-    """A mount moved along an axis of the car."""
+def moved(metres: float, channel: str):
+    """A mount moved along its boresight."""
 
     def damage(copy: FaultyCopy) -> None:
         mounts = copy.mounts()
-        mounts[channel]["translation"][axis] += metres
+        row = mounts[channel]
+        ahead = Quaternion(row["rotation"]).rotation_matrix[:, 0]
+        row["translation"] = (row["translation"] + metres * ahead).tolist()
         copy.write_mounts(mounts)
 
     return damage
@@ -107,10 +109,10 @@ def rear_axle_only(copy: FaultyCopy) -> None:
     """Compensated by the speed of the rear axle along the car: the lever arm forgotten."""
     mounts, poses = copy.mounts(), {row["token"]: row for row in copy.rows("ego_pose")}
     for record in copy.records():
-        channel = record["filename"].split("/")[1]
+        channel = channel_of(record)
         pose = poses[record["ego_pose_token"]]
         near = min(
-            (p for p in poses.values() if 2000 < abs(p["timestamp"] - pose["timestamp"])),
+            (p for p in poses.values() if abs(p["timestamp"] - pose["timestamp"]) > 2000),
             key=lambda p: abs(p["timestamp"] - pose["timestamp"]),
         )
         seconds = 1e-6 * (near["timestamp"] - pose["timestamp"])
@@ -152,14 +154,14 @@ def linear_rcs(scan: np.ndarray, _: dict) -> None:
 def poses_of_the_keyframe(copy: FaultyCopy) -> None:
     """Sweeps that carry their keyframe's place under their own time."""
     records, poses = copy.records(), {row["token"]: row for row in copy.rows("ego_pose")}
-    keyframes = {(r["filename"].split("/")[1], r["sample_token"]): r for r in records if r["is_key_frame"]}
+    keyframes = {(channel_of(r), r["sample_token"]): r for r in records if r["is_key_frame"]}
     for record in records:
-        of = poses[keyframes[record["filename"].split("/")[1], record["sample_token"]]["ego_pose_token"]]
+        of = poses[keyframes[channel_of(record), record["sample_token"]]["ego_pose_token"]]
         poses[record["ego_pose_token"]].update(translation=of["translation"], rotation=of["rotation"])
     copy.write_rows("ego_pose", list(poses.values()))
 
 
-def headings_of_the_keyframe(copy: FaultyCopy) -> None:
+def turned_headings(copy: FaultyCopy) -> None:
     """Headings of the sweeps off by a degree."""
     tokens = {record["ego_pose_token"] for record in copy.records(sweeps_only=True)}
     rows = copy.rows("ego_pose")
@@ -231,8 +233,8 @@ FAULTS: dict[str, tuple[Callable[[FaultyCopy], None], str]] = {
     "all mounts turned by 5 degrees": (turned(5), BEARING),
     "all mounts turned by 0.7 degrees": (turned(0.7), TRAVEL),
     "mounts of left and right exchanged": (exchanged_mounts, MOUNTS),
-    "mount of RADAR_FRONT 0.7 m too far ahead": (moved(0, 0.7, FRONT), RANGE),
-    "mount of RADAR_FRONT_LEFT 0.5 m too far ahead": (moved(0, 0.5, SIDE), RANGE),
+    "mount of RADAR_FRONT 0.7 m too far along its boresight": (moved(0.7, FRONT), RANGE),
+    "mount of RADAR_FRONT_LEFT 0.5 m too far along its boresight": (moved(0.5, SIDE), RANGE),
     "vx_comp, vy_comp negated": (returns(negated("vx_comp", "vy_comp")), MOVING),
     "vx, vy negated": (returns(negated("vx", "vy")), SPEED),
     "vx_comp, vy_comp not compensated": (returns(uncompensated), AT_REST),
@@ -240,19 +242,22 @@ FAULTS: dict[str, tuple[Callable[[FaultyCopy], None], str]] = {
     "every return at rest over ground": (returns(all_at_rest), MOVING),
     "azimuth mirrored": (returns(negated("y", "vy", "vy_comp")), BEARING),
     "range 3 % too long": (returns(scaled_range(1.03)), RANGE),
-    "range 3 % too long, RADAR_FRONT's sweeps only": (returns(scaled_range(1.03), channel="RADAR_FRONT/"), RANGE),
+    "range 3 % too long, RADAR_FRONT's sweeps only": (
+        returns(scaled_range(1.03), channel=FRONT, sweeps_only=True),
+        RANGE,
+    ),
     "blind to the left": (returns(left_half_blind), FIELD),
     "RCS 10 dB too high": (returns(louder(10)), CARS),
-    "RCS permuted within scans": (returns(permuted_rcs), ORDER),
+    "RCS permuted within scans": (returns(permuted_rcs), STANDOUT),
     "RCS in square metres": (returns(linear_rcs), POSSIBLE),
-    "RCS negated": (returns(negated("rcs")), CARS),
+    "RCS negated": (returns(negated("rcs")), STANDOUT),
     "sweeps with the pose of their keyframe": (poses_of_the_keyframe, PATH),
-    "sweeps with a heading 1 degree off": (headings_of_the_keyframe, HEADING),
+    "sweeps with a heading 1 degree off": (turned_headings, HEADING),
     "sweeps stamped 50 ms late": (late_stamps(poses_too=False), STAMPS),
     "sweeps and their poses stamped 50 ms late": (late_stamps(poses_too=True), PATH),
     "scans of left and right exchanged": (exchanged(names=False), BEARING),
     "file names of left and right exchanged": (exchanged(names=True), FILES),
-    "each scan that of 50 ms before": (stale, RANGE),
+    "each scan that of 50 ms before": (stale, COMPENSATION),
     "sweeps in the wrong order": (backwards, ORDERED),
 }
 """By name, what damages a copy and the check that was made to find it."""

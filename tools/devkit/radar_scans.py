@@ -74,8 +74,10 @@ def _scans(tree: NuScenes, samples: list[dict]) -> Iterator[Scan]:
         for channel in (name for name in sample["data"] if name.startswith("RADAR")):
             record = keyframe = tree.get("sample_data", sample["data"][channel])
             yield _scan(tree, sample, channel, record, KEYFRAME)
-            while record["prev"] and not tree.get("sample_data", record["prev"])["is_key_frame"]:
+            while record["prev"]:
                 record = tree.get("sample_data", record["prev"])
+                if record["is_key_frame"] or record["sample_token"] != sample["token"]:
+                    break
                 periods = round(1e-6 * (keyframe["timestamp"] - record["timestamp"]) / PERIOD)
                 yield _scan(tree, sample, channel, record, f"{1000 * PERIOD * periods:.0f} ms before")
     RadarPointCloud.default_filters()

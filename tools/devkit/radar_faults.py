@@ -234,7 +234,7 @@ FAULTS: dict[str, tuple[Callable[[FaultyCopy], None], str]] = {
     "all mounts turned by 0.7 degrees": (turned(0.7), TRAVEL),
     "mounts of left and right exchanged": (exchanged_mounts, MOUNTS),
     "mount of RADAR_FRONT 0.7 m too far along its boresight": (moved(0.7, FRONT), RANGE),
-    "mount of RADAR_FRONT_LEFT 0.5 m too far along its boresight": (moved(0.5, SIDE), RANGE),
+    "mount of RADAR_FRONT_LEFT 0.7 m too far along its boresight": (moved(0.7, SIDE), RANGE),
     "vx_comp, vy_comp negated": (returns(negated("vx_comp", "vy_comp")), MOVING),
     "vx, vy negated": (returns(negated("vx", "vy")), SPEED),
     "vx_comp, vy_comp not compensated": (returns(uncompensated), AT_REST),

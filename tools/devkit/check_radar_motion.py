@@ -17,6 +17,8 @@ OFF_PATH, OFF_HEADING = 0.03, 0.4
 """Metres and degrees from the path of the other sensors' poses: braking and steering within half a second."""
 OFF_OWN = 0.05
 """m/s: what the yaw rate changes over some poses, times the lever arm."""
+OFF_TRAVEL = (0.2, 0.01)
+"""Degrees, and share of the speed, by which the car's travel may differ from the path's, with four standard errors more."""
 AHEAD = 10.0
 """Degrees that RADAR_FRONT may look aside."""
 LOPSIDED = 6.0
@@ -99,7 +101,7 @@ def _on_path(tree: NuScenes, paths: dict, channel: str, age: str, scans: list[Sc
 def _own_velocity(tree: NuScenes, paths: dict, channel: str, age: str, scans: list[Scan]) -> Iterator[Finding]:
     """Compensated less measured velocity is the sensor's own along the ray, which the ego path knows; and most returns stand
     still, so that the measured one alone tells where the sensor travels (Kellner et al., 2013)."""
-    errors, ahead, across, doppler, moving = [np.zeros(0)], [np.zeros(0)], [np.zeros(0)], [np.zeros(0)], 0
+    errors, ahead, across, doppler = ([np.zeros(0)] for _ in range(4))
     for scan in scans:
         mount = tree.get("calibrated_sensor", scan.record["calibrated_sensor_token"])
         own = paths[_scene_of(tree, scan)].velocity(scan.record, np.array(mount["translation"]))
@@ -109,7 +111,6 @@ def _own_velocity(tree: NuScenes, paths: dict, channel: str, age: str, scans: li
         ray = np.stack([np.cos(scan.bearing), np.sin(scan.bearing)])
         errors.append(np.abs(scan.ground_speed - scan.speed - own @ ray))
         if np.hypot(*own) > DRIVES:
-            moving += 1
             ahead.append(own @ ray)
             across.append(np.array([-own[1], own[0]]) @ ray)
             doppler.append(-scan.speed)
@@ -119,10 +120,11 @@ def _own_velocity(tree: NuScenes, paths: dict, channel: str, age: str, scans: li
     rows = np.stack([np.concatenate(ahead), np.concatenate(across)], axis=1)
     along, aside, sigma = _robust_fit(rows, np.concatenate(doppler))
     turned = abs(math.degrees(math.atan2(aside, along)))
-    what = "radar vx: direction of the car's travel, from what stands still"
-    yield Finding(what, turned, "<=", 0.2 + 4 * sigma, len(rows), "deg", case, 100)
+    what, limit = "radar vx: direction of the car's travel, from what stands still", OFF_TRAVEL[0] + 4 * sigma
+    yield Finding(what, turned, "<=", limit, len(rows), "deg", case, 100)
     what = "radar vx: speed of the car, from what stands still, of that of its path"
-    yield Finding(what, abs(along - 1) if len(rows) else 0.0, "<=", 0.01 + 0.07 * sigma, len(rows), "", case, 100)
+    limit = OFF_TRAVEL[1] + 4 * math.radians(sigma)
+    yield Finding(what, abs(along - 1) if len(rows) else 0.0, "<=", limit, len(rows), "", case, 100)
 
 
 def _robust_fit(rows: np.ndarray, values: np.ndarray) -> tuple[float, float, float]:

@@ -21,8 +21,8 @@ OFF_TRAVEL = (0.2, 0.01)
 """Degrees, and share of the speed, by which the car's travel may differ from the path's, with four standard errors more."""
 AHEAD = 10.0
 """Degrees that RADAR_FRONT may look aside."""
-LOPSIDED = 6.0
-"""Degrees between the edges of the field of view to the left and to the right: some standard deviations at the edge."""
+LOPSIDED = 8.0
+"""Degrees between the edges of the field of view to the left and to the right: noise at the edge, and a wall on one side."""
 
 
 def check_mounts(tree: NuScenes) -> Iterator[Finding]:

@@ -10,23 +10,19 @@ from findings import Finding, share
 from nuscenes import NuScenes
 from nuscenes.eval.detection.constants import DETECTION_NAMES
 from nuscenes.eval.detection.utils import category_to_detection_name
-from nuscenes.utils.data_classes import Box, LidarPointCloud, RadarPointCloud
+from nuscenes.utils.data_classes import Box, LidarPointCloud
 from nuscenes.utils.geometry_utils import points_in_box, transform_matrix, view_points
 from pyquaternion import Quaternion
 
 MARGIN = 0.1
 """Metres that a box is grown by on every side before LiDAR points are counted: some standard deviations of the range."""
-RADAR_GATE = (1.5, 0.06)
-"""Metres, and metres a metre of range, from a box within which a radar return of it may lie: an azimuth cell is 4.5 degrees
-wide."""
 SEEN_TO = 55.0
 """Metres of depth up to which objects are labelled, less half a lorry."""
 
 
 def check_boxes(tree: NuScenes, samples: list[dict]) -> Iterator[Finding]:
-    """Boxes against LiDAR, radar and camera in ``samples``, and all boxes' velocities."""
+    """Boxes against LiDAR and camera in ``samples``, and all boxes' velocities."""
     yield from _lidar(tree, samples)
-    yield from _radar(tree, samples)
     yield from _camera(tree, samples)
     yield from _velocity(tree)
 
@@ -44,32 +40,10 @@ def _lidar(tree: NuScenes, samples: list[dict]) -> Iterator[Finding]:
             box = _grown(tree.get_box(token))
             labelled += count
             frozen += min(count, int(points_in_box(box, points[:3]).sum()))
-            shifted = points[:3] - np.append(_velocity_of(tree, annotation), 0.0)[:, None] * times
+            shifted = points[:3] - np.append(velocity_of(tree, annotation), 0.0)[:, None] * times
             moved += min(count, int(points_in_box(box, shifted).sum()))
     yield share("LiDAR points of labels: inside their box, which stands still", frozen, labelled, 0.80)
     yield share("LiDAR points of labels: inside their box where it was at the point's time", moved, labelled, 0.98)
-
-
-def _radar(tree: NuScenes, samples: list[dict]) -> Iterator[Finding]:
-    RadarPointCloud.disable_filters()
-    met, of = 0, 0
-    for sample in samples:
-        records = [tree.get("sample_data", token) for channel, token in sample["data"].items() if channel[0] == "R"]
-        clouds = [
-            global_T_sensor(tree, record)
-            @ _homogeneous(RadarPointCloud.from_file(os.path.join(tree.dataroot, record["filename"])).points[:3])
-            for record in records
-        ]
-        cloud = np.concatenate([np.zeros((4, 0)), *clouds], axis=1)
-        ego = np.array(tree.get("ego_pose", sample["data"]["LIDAR_TOP"])["translation"]) if records else np.zeros(3)
-        for token in sample["anns"]:
-            annotation, box = tree.get("sample_annotation", token), tree.get_box(token)
-            if annotation["num_radar_pts"] and records:
-                gate = RADAR_GATE[0] + RADAR_GATE[1] * float(np.linalg.norm(box.center - ego))
-                of += 1
-                met += bool((_gap(box, cloud[:2]) < gate).any())
-    RadarPointCloud.default_filters()
-    yield share("labels with radar returns: one lies at the box", met, of, 0.95)
 
 
 def _camera(tree: NuScenes, samples: list[dict]) -> Iterator[Finding]:
@@ -97,7 +71,7 @@ def _covered(tree: NuScenes, sample: dict, token: str) -> tuple[int, int]:
     for annotation_token in sample["anns"]:
         annotation, box = tree.get("sample_annotation", annotation_token), tree.get_box(annotation_token)
         name = category_to_detection_name(annotation["category_name"])
-        box.translate(np.append(_velocity_of(tree, annotation), 0.0) * late)
+        box.translate(np.append(velocity_of(tree, annotation), 0.0) * late)
         outline = _outline((camera_T_global @ _homogeneous(box.corners()))[:3], intrinsic)
         if name and len(outline):
             cv2.fillConvexPoly(under[1 + DETECTION_NAMES.index(name)], outline, 1)
@@ -142,7 +116,7 @@ def global_T_sensor(tree: NuScenes, record: dict) -> np.ndarray:
     )
 
 
-def _velocity_of(tree: NuScenes, annotation: dict) -> np.ndarray:
+def velocity_of(tree: NuScenes, annotation: dict) -> np.ndarray:
     """(2,) m/s: the exact one where there is one."""
     return np.array(annotation.get("velocity") or np.nan_to_num(tree.box_velocity(annotation["token"])[:2]))
 
@@ -156,12 +130,6 @@ def _times(path: str, count: int) -> np.ndarray:
 def _grown(box: Box) -> Box:
     box.wlh = box.wlh + 2 * MARGIN
     return box
-
-
-def _gap(box: Box, xy: np.ndarray) -> np.ndarray:
-    """Metres (N,) on the ground from a box to points (2, N), 0 inside."""
-    local = box.rotation_matrix[:2, :2].T @ (xy - box.center[:2, None])
-    return np.linalg.norm(np.maximum(np.abs(local) - box.wlh[[1, 0], None] / 2, 0.0), axis=0)
 
 
 def _homogeneous(points: np.ndarray) -> np.ndarray:

@@ -1,0 +1,48 @@
+"""Every fault of radar data is caught by the check that was made for it; trees without a fault pass. Needs
+tools/devkit/setup.sh to have run."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+DEVKIT = ROOT / ".venv-devkit/bin/python"
+SCENES = {"nano": 12, "surround": 3}
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.timeout(1800),
+    pytest.mark.skipif(not DEVKIT.exists(), reason="no .venv-devkit; make it with tools/devkit/setup.sh"),
+]
+
+
+@pytest.fixture(scope="module", params=SCENES)
+def found(request, tmp_path_factory):
+    """By fault, the check that was made for it and all that failed."""
+    rig, folder = request.param, tmp_path_factory.mktemp("oracle")
+    root = folder / rig
+    overrides = (f"data={rig}", "condition=mixed", f"data.num_scenes={SCENES[rig]}", f"data.root={root}", "workers=1")
+    subprocess.run([sys.executable, "-m", "data_gen", *overrides], cwd=ROOT, check=True, capture_output=True)
+    command = [DEVKIT, ROOT / "tools/devkit/mutations.py", "--root", root, "--json", folder / "found.json"]
+    subprocess.run(command, check=True, capture_output=True)
+    return json.loads((folder / "found.json").read_text())[rig]
+
+
+def test_each_fault_is_caught_by_its_check_and_no_fault_by_none(found):
+    assert found.pop("nothing")["failed"] == {}
+    assert len(found) > 25
+    missed = [name for name, result in found.items() if result["check"] not in result["failed"]]
+    assert not missed
+
+
+def test_a_finding_names_the_radar_and_the_age(found):
+    turned = found["mount of RADAR_FRONT turned by 20 degrees"]
+    late = found["range 3 % too long, RADAR_FRONT's sweeps only"]
+    assert {case.split(",")[0] for case in turned["failed"][turned["check"]]} == {"RADAR_FRONT"}
+    cases = late["failed"][late["check"]]
+    assert {case.split(",")[0] for case in cases} == {"RADAR_FRONT"}
+    assert any(case.endswith("ms before") for case in cases)
+    assert "RADAR_FRONT, keyframe" not in cases

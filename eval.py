@@ -2,13 +2,13 @@
 
 from omegaconf import DictConfig
 
-from fusion_net.cli import command
+from fusion_net.common.cli.command import command
 
 
 @command(config_name="eval")
 def main(cfg: DictConfig) -> None:
     """Scores the run ``cfg.run`` with every subset of its sensors and writes tables and pictures beside it."""
-    from fusion_net.evaluation.evaluate import evaluate_run
+    from fusion_net.evaluate import evaluate_run
 
     evaluate_run(cfg)
 

@@ -2,15 +2,15 @@
 
 from omegaconf import DictConfig
 
-from fusion_net.cli import command
-from fusion_net.command_line import command_line
+from fusion_net.common.cli.command import command
+from fusion_net.common.cli.command_line import command_line
 
 
 @command(config_name="train")
 def main(cfg: DictConfig) -> None:
     """Trains what ``cfg`` describes."""
+    from fusion_net.fit import fit
     from fusion_net.run_dir import is_finished, run_folder
-    from fusion_net.training.fit import fit
 
     folder = run_folder(cfg.name)
     if cfg.skip_finished:

@@ -20,10 +20,11 @@ from typing import Any
 
 from hydra import compose, initialize_config_dir
 
-from data_gen import capture, episode
+from data_gen import episode
 from data_gen.generate import DataConfig, Job, make_folders
-from data_gen.workers import limit_threads
-from fusion_net.cli import CONFIGS, build
+from data_gen.jobs.workers import limit_threads
+from data_gen.recording import capture
+from fusion_net.common.cli.command import CONFIGS, build
 
 DATA = {"nano": 24, "surround": 8}
 """Data sets and how many scenes of each are timed."""

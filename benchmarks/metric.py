@@ -13,16 +13,16 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.random_tree import SPLIT, make_results, make_tables, write_tree
-from fusion_net.bev_grid import BEVGrid
-from fusion_net.boxes import CLASSES
-from fusion_net.data.nuscenes import NuScenes
+from fusion_net.common.bev_grid import BEVGrid
+from fusion_net.common.boxes import CLASSES
 from fusion_net.evaluation.bootstrap import bootstrap_map, draw_scenes
 from fusion_net.evaluation.scoring import GroundTruth
 from fusion_net.metrics.detection import DetectionMetric, DetectionMetrics
 from fusion_net.metrics.matching import TP_ERRORS
 from fusion_net.metrics.results import read_results
 from fusion_net.metrics.sample_boxes import labelled
+from fusion_net.nuscenes.nuscenes import NuScenes
+from tests.fixtures.random_tree import SPLIT, make_results, make_tables, write_tree
 
 DEVKIT = Path(__file__).parents[1] / ".venv-devkit/bin/python"
 DEVKIT_ERRORS = ("trans_err", "scale_err", "orient_err", "vel_err", "attr_err")

@@ -12,12 +12,12 @@ import torch
 from hydra.utils import instantiate
 from omegaconf import OmegaConf
 
-from fusion_net import geometry
-from fusion_net.bev_grid import BEVGrid
-from fusion_net.boxes import CLASSES
+from fusion_net.common import geometry
+from fusion_net.common.bev_grid import BEVGrid
+from fusion_net.common.boxes import CLASSES
+from fusion_net.data.batch import Batch, Targets
 from fusion_net.models.camera_encoder import CameraEncoder
 from fusion_net.models.fusion_net import FusionNet
-from fusion_net.structures import Batch, Targets
 
 CONFIGS = Path(__file__).parents[1] / "configs"
 

@@ -6,15 +6,15 @@ from typing import Any, cast
 
 from omegaconf import DictConfig, OmegaConf
 
-from fusion_net.cli import build, command
+from fusion_net.common.cli.command import build, command
 
 
 @command(config_name="data_gen")
 def main(cfg: DictConfig) -> None:
     """Generates ``cfg.data`` with ``cfg.rig``, ``cfg.scenario``, ``cfg.condition`` and ``cfg.fault``."""
     from data_gen.generate import Job, generate
-    from data_gen.manifest import without_place
-    from data_gen.shard import Shard
+    from data_gen.jobs.manifest import without_place
+    from data_gen.jobs.shard import Shard
 
     data = build(cfg.data, "data")
     job = Job(

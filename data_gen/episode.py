@@ -4,13 +4,13 @@ from dataclasses import dataclass, field
 
 from beartype import beartype
 
-from data_gen.conditions import ConditionMix
-from data_gen.coverage import FRONT, View
-from data_gen.layout import LAYOUTS, record_layout
-from data_gen.random import stream
-from data_gen.scene import Scene
-from data_gen.scenery import build_world
-from data_gen.traffic import populate
+from data_gen.actors.traffic import populate
+from data_gen.rig.coverage import FRONT, View
+from data_gen.road.layout import LAYOUTS, record_layout
+from data_gen.scene.conditions import ConditionMix
+from data_gen.scene.scene import Scene
+from data_gen.world.scenery import build_world
+from fusion_net.common.random import stream
 
 
 @beartype

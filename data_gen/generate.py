@@ -18,19 +18,19 @@ from typing import Any
 
 from beartype import beartype
 
-from data_gen import tables
-from data_gen.conditions import ConditionMix
-from data_gen.coverage import view_of
 from data_gen.episode import Scenario, build_episode
-from data_gen.jit import compilation_announced
-from data_gen.manifest import check_folder, check_parent, make_manifest, only_generator
-from data_gen.progress import Progress
-from data_gen.random import stream
-from data_gen.rig import Rig
-from data_gen.shard import Shard
-from data_gen.workers import run_parallel
-from data_gen.writer import write_json, write_scene
-from fusion_net.data.faults import Fault, FaultPlan
+from data_gen.jobs.jit import compilation_announced
+from data_gen.jobs.manifest import check_folder, check_parent, make_manifest, only_generator
+from data_gen.jobs.progress import Progress
+from data_gen.jobs.shard import Shard
+from data_gen.jobs.workers import run_parallel
+from data_gen.recording import tables
+from data_gen.recording.writer import write_json, write_scene
+from data_gen.rig.coverage import view_of
+from data_gen.rig.rig import Rig
+from data_gen.scene.conditions import ConditionMix
+from fusion_net.common.faults import Fault, FaultPlan
+from fusion_net.common.random import stream
 
 
 @beartype

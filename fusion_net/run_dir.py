@@ -14,9 +14,9 @@ import torch
 from omegaconf import DictConfig, OmegaConf
 from yaml import YAMLError
 
-from fusion_net.atomic import replacing
-from fusion_net.command_line import command_line
-from fusion_net.settings import differences
+from fusion_net.common.atomic import replacing
+from fusion_net.common.cli.command_line import command_line
+from fusion_net.common.settings import differences
 
 LONGEST_NAME = 200
 """Bytes of a folder's name; file systems take 255."""

@@ -14,12 +14,12 @@ from pathlib import Path
 import pytest
 import torch
 
-from fusion_net.command_line import as_override
+from fusion_net.common.cli.command_line import as_override
 
 PROJECT = Path(__file__).resolve().parents[1]
 ENVIRONMENT = os.environ | {"OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
 DATA_GEN = ["-m", "data_gen", "data=nano", "workers=1"]
-SHEET, PREVIEW = ["-m", "data_gen.contact_sheet"], ["-m", "data_gen.rig_preview"]
+SHEET, PREVIEW = ["-m", "data_gen.pictures.contact_sheet"], ["-m", "data_gen.pictures.rig_preview"]
 TRAIN, EVAL = [str(PROJECT / "train.py"), "trainer=smoke"], [str(PROJECT / "eval.py")]
 
 

@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 
-from data_gen.mesh import TEXTURES, Asset, Mesh, Scatterers
+from data_gen.assets.shapes.mesh import TEXTURES, Asset, Mesh, Scatterers
 
 LOUD = np.array([(0.85, 0.01, 0.50), (0.32, 0.85, 0.02), (0.01, 0.62, 0.80)], np.float32)
 """Magenta, lime, cyan: no vehicle, person or sign of the palette comes in them."""

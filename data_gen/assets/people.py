@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from data_gen.assets.palette import (
+from data_gen.assets.shapes.mesh import Asset, Mesh
+from data_gen.assets.shapes.palette import (
     CLOTHES,
     HAIRS,
     HI_VIS_ORANGE,
@@ -18,9 +19,8 @@ from data_gen.assets.palette import (
     cloth,
     lacquer,
 )
-from data_gen.assets.profiles import animated, assemble, at, ball, box, loft
-from data_gen.assets.radar import cloud
-from data_gen.mesh import Asset, Mesh
+from data_gen.assets.shapes.profiles import animated, assemble, at, ball, box, loft
+from data_gen.assets.shapes.reflectors import cloud
 
 
 @dataclass(frozen=True)

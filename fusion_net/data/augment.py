@@ -13,9 +13,9 @@ import numpy as np
 from beartype import beartype
 from numpy.typing import NDArray
 
-from fusion_net.boxes import transform_boxes
+from fusion_net.common.boxes import transform_boxes
+from fusion_net.common.geometry import from_yaw
 from fusion_net.data.samples import Sample
-from fusion_net.geometry import from_yaw
 
 GREY = np.array([0.299, 0.587, 0.114])
 """Luma of RGB (ITU-R BT.601)."""

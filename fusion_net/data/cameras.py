@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from fusion_net.common.geometry import invert
 from fusion_net.data.depth_labels import class_map, dense_depth, lidar_depth
-from fusion_net.data.sensor_files import read_image, read_labels
-from fusion_net.geometry import invert
+from fusion_net.nuscenes.sensor_files import read_image, read_labels
 
 MAX_WIDTH = 704
 """Pixels that an image is wide at most unless a size is asked for: what detectors on nuScenes' 1600 commonly take."""

@@ -13,15 +13,15 @@ from beartype import beartype
 from torch import Tensor
 from torch.utils.data import DataLoader, Dataset, Sampler
 
-from fusion_net.bev_grid import BEVGrid
+from fusion_net.common.bev_grid import BEVGrid
+from fusion_net.common.faults import FaultPlan
 from fusion_net.data.augment import Augment
-from fusion_net.data.faults import FaultPlan
-from fusion_net.data.missing_files import refuse_missing_files
-from fusion_net.data.nuscenes import NuScenes
+from fusion_net.data.batch import Batch
 from fusion_net.data.samples import Sample, SampleReader, labelled_boxes
 from fusion_net.data.targets import center_targets
-from fusion_net.data.trees import open_trees, refuse_unlike_images, split_of
-from fusion_net.structures import Batch
+from fusion_net.nuscenes.datasets import open_trees, refuse_unlike_images, split_of
+from fusion_net.nuscenes.missing_files import refuse_missing_files
+from fusion_net.nuscenes.nuscenes import NuScenes
 
 
 @beartype

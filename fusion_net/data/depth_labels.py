@@ -7,7 +7,7 @@ axis, in metres of the camera: an augmentation of the bird's-eye view, scaling i
 import numpy as np
 from numpy.typing import NDArray
 
-from fusion_net.geometry import transform
+from fusion_net.common.geometry import transform
 
 DEPTH_UNIT = 1 / 256
 """Metres of one step of a ``.depth.png``; 0 there is sky."""

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from fusion_net.structures import LIDAR_CHANNELS, RADAR_CHANNELS
+from fusion_net.data.batch import LIDAR_CHANNELS, RADAR_CHANNELS
 
 Points = NDArray[np.float32]
 

@@ -10,16 +10,16 @@ import numpy as np
 from beartype import beartype
 from numpy.typing import NDArray
 
-from fusion_net.boxes import CLASSES, Boxes, transform_boxes
+from fusion_net.common.boxes import CLASSES, Boxes, transform_boxes
+from fusion_net.common.fault_effects import smear
+from fusion_net.common.faults import Fault, FaultPlan
+from fusion_net.common.geometry import invert
+from fusion_net.data.batch import LIDAR_CHANNELS, MODALITIES
 from fusion_net.data.cameras import CameraView, check_size, fit_image, view_camera
-from fusion_net.data.clouds import lidar_cloud, radar_cloud
-from fusion_net.data.fault_effects import smear
-from fusion_net.data.faults import Fault, FaultPlan
-from fusion_net.data.nuscenes import NuScenes
+from fusion_net.data.point_clouds import lidar_cloud, radar_cloud
 from fusion_net.data.propagation import propagate_lidar, propagate_radar
-from fusion_net.data.readings import Moment
-from fusion_net.geometry import invert
-from fusion_net.structures import LIDAR_CHANNELS, MODALITIES
+from fusion_net.data.sensor_frames import Moment
+from fusion_net.nuscenes.nuscenes import NuScenes
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,9 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from fusion_net.bev_grid import BEVGrid
-from fusion_net.boxes import Boxes
-from fusion_net.structures import Targets
+from fusion_net.common.bev_grid import BEVGrid
+from fusion_net.common.boxes import Boxes
+from fusion_net.data.batch import Targets
 
 
 def gaussian_radius(length: NDArray, width: NDArray, min_overlap: float) -> NDArray[np.float64]:

@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from scipy.stats import rankdata
 
-from fusion_net.boxes import CATEGORY_TO_CLASS
-from fusion_net.data.nuscenes import NuScenes
+from fusion_net.common.boxes import CATEGORY_TO_CLASS
+from fusion_net.common.geometry import invert
 from fusion_net.evaluation.drop_table import SUBSETS
 from fusion_net.evaluation.scoring import GroundTruth, table_order
-from fusion_net.geometry import invert
 from fusion_net.metrics.matching import ClassMatches
 from fusion_net.metrics.sample_boxes import SampleBoxes
+from fusion_net.nuscenes.nuscenes import NuScenes
 
 RADIUS = {"truck": 4.0, "bus": 4.0, "trailer": 4.0, "construction_vehicle": 4.0}
 """Metres from an object's centre within which a detection is one of it; 2 where the class is not named."""

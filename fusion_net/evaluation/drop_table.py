@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 from torch import Tensor
 from tqdm import tqdm
 
-from fusion_net.boxes import Boxes
+from fusion_net.common.boxes import Boxes
+from fusion_net.data.batch import MODALITIES, Batch
 from fusion_net.evaluation.bootstrap import bootstrap_map, draw_scenes, interval
 from fusion_net.evaluation.random_guess import random_guess
 from fusion_net.evaluation.scoring import GroundTruth
 from fusion_net.metrics.detection import DetectionMetrics
 from fusion_net.metrics.matching import TP_ERRORS
 from fusion_net.metrics.sample_boxes import SampleBoxes
-from fusion_net.structures import MODALITIES, Batch
 
 SUBSETS = (
     ("camera", "lidar", "radar"), ("camera", "lidar"), ("camera", "radar"), ("lidar", "radar"), ("camera",), ("lidar",),

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from fusion_net.boxes import Boxes
+from fusion_net.common.boxes import Boxes
 from fusion_net.evaluation.scoring import GroundTruth
 
 

@@ -5,7 +5,7 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from fusion_net.data.nuscenes import NuScenes
+from fusion_net.nuscenes.nuscenes import NuScenes
 
 Roots = str | Sequence[str]
 LONGEST = 60

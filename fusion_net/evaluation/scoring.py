@@ -5,16 +5,16 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from fusion_net.bev_grid import BEVGrid
-from fusion_net.boxes import CLASSES, Boxes
+from fusion_net.common.bev_grid import BEVGrid
+from fusion_net.common.boxes import CLASSES, Boxes
+from fusion_net.common.geometry import invert
 from fusion_net.data.datamodule import NuScenesDataset
-from fusion_net.data.nuscenes import NuScenes
-from fusion_net.geometry import invert
 from fusion_net.metrics.box_filter import BoxFilter
 from fusion_net.metrics.detection import CLASS_RANGE, DetectionMetric, DetectionMetrics
 from fusion_net.metrics.matching import ClassMatches
 from fusion_net.metrics.results import predicted
 from fusion_net.metrics.sample_boxes import SampleBoxes, labelled, to_global
+from fusion_net.nuscenes.nuscenes import NuScenes
 
 _RANGES = ", ".join(
     f"{reach:g} m ({', '.join(name.replace('_', ' ') for name in CLASSES if CLASS_RANGE[name] == reach)})"

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fusion_net.data.annotations import BicycleRacks
 from fusion_net.metrics.detection import DetectionMetric
 from fusion_net.metrics.sample_boxes import SampleBoxes
+from fusion_net.nuscenes.annotations import BicycleRacks
 
 PARKED = ("bicycle", "motorcycle")
 """Classes that are not evaluated inside a bicycle rack: nuScenes does not label every cycle in one."""

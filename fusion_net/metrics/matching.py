@@ -11,8 +11,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from fusion_net.boxes import Boxes
-from fusion_net.geometry import wrap_angle
+from fusion_net.common.boxes import Boxes
+from fusion_net.common.geometry import wrap_angle
 from fusion_net.metrics.sample_boxes import SampleBoxes
 
 TP_ERRORS = ("mATE", "mASE", "mAOE", "mAVE", "mAAE")

@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from fusion_net.boxes import Boxes
+from fusion_net.common.boxes import Boxes
+from fusion_net.data.batch import MODALITIES
 from fusion_net.metrics.detection import MAX_BOXES
 from fusion_net.metrics.sample_boxes import SampleBoxes, stack
-from fusion_net.structures import MODALITIES
 
 MOVING_SPEED = 0.5
 """m/s from which a box counts as moving: above the noise of a velocity head, below a walker's pace."""

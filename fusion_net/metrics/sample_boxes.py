@@ -6,9 +6,9 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fusion_net.boxes import Boxes
-from fusion_net.data.annotations import Annotations
-from fusion_net.geometry import transform, wrap_angle, yaw_of
+from fusion_net.common.boxes import Boxes
+from fusion_net.common.geometry import transform, wrap_angle, yaw_of
+from fusion_net.nuscenes.annotations import Annotations
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,8 @@ import torch
 from beartype import beartype
 from torch import Tensor, nn
 
-from fusion_net.bev_grid import BEVGrid
+from fusion_net.common.bev_grid import BEVGrid
+from fusion_net.data.batch import Batch
 from fusion_net.models.layers import ConvBlock, ResidualBlock, UpBlock
 from fusion_net.models.lift_splat import (
     LiftSplat,
@@ -23,7 +24,6 @@ from fusion_net.models.lift_splat import (
     splat,
     to_map,
 )
-from fusion_net.structures import Batch
 
 
 @dataclass(frozen=True)

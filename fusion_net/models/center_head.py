@@ -8,8 +8,8 @@ import torch.nn.functional as F
 from beartype import beartype
 from torch import Tensor, nn
 
-from fusion_net.bev_grid import BEVGrid
-from fusion_net.boxes import CLASSES, Boxes
+from fusion_net.common.bev_grid import BEVGrid
+from fusion_net.common.boxes import CLASSES, Boxes
 from fusion_net.models.layers import ConvBlock
 
 REGRESSIONS = {"offset": 2, "height": 1, "size": 3, "rot": 2, "velocity": 2, "log_variance": 2}

@@ -6,13 +6,13 @@ import torch
 from beartype import beartype
 from torch import Tensor, nn
 
-from fusion_net.bev_grid import BEVGrid
-from fusion_net.boxes import Boxes
-from fusion_net.losses import DetectionLoss
+from fusion_net.common.bev_grid import BEVGrid
+from fusion_net.common.boxes import Boxes
+from fusion_net.data.batch import MODALITIES, Batch
 from fusion_net.models.camera_encoder import CameraEncoder, Perception
 from fusion_net.models.center_head import CenterHead
 from fusion_net.models.fuser import AverageFuser, ConcatFuser
-from fusion_net.structures import MODALITIES, Batch
+from fusion_net.models.losses import DetectionLoss
 
 
 @dataclass(frozen=True)

@@ -5,10 +5,10 @@ import torch.nn.functional as F
 from beartype import beartype
 from torch import Tensor, nn
 
-from fusion_net.bev_grid import BEVGrid
+from fusion_net.common.bev_grid import BEVGrid
+from fusion_net.data.batch import LIDAR_CHANNELS, Batch
 from fusion_net.models.layers import ConvBlock
 from fusion_net.models.lift_splat import to_map
-from fusion_net.structures import LIDAR_CHANNELS, Batch
 
 
 class _SegmentMax(torch.autograd.Function):

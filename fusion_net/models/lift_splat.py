@@ -13,7 +13,7 @@ import torch.nn.functional as F
 from beartype import beartype
 from torch import Tensor, nn
 
-from fusion_net.bev_grid import BEVGrid
+from fusion_net.common.bev_grid import BEVGrid
 from fusion_net.models.depth_bins import DepthBins
 
 

@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle, Rectangle
 
-from fusion_net.boxes import CLASSES
+from fusion_net.common.boxes import CLASSES
 from fusion_net.reports.dataset_page_style import COLOR_OF, GROUPS, spoken, stacked
 from fusion_net.reports.dataset_summary import RANGES, SPEEDS, VISIBILITY, Summary
 from fusion_net.reports.dataset_survey import Survey

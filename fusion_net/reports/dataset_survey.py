@@ -7,12 +7,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fusion_net.boxes import CLASSES, Boxes
-from fusion_net.data.missing_files import refuse_missing_files
-from fusion_net.data.nuscenes import NuScenes
+from fusion_net.common.boxes import CLASSES, Boxes
+from fusion_net.common.geometry import invert, transform
 from fusion_net.data.samples import SampleReader
-from fusion_net.data.sensor_files import read_image, read_radar
-from fusion_net.geometry import invert, transform
+from fusion_net.nuscenes.missing_files import refuse_missing_files
+from fusion_net.nuscenes.nuscenes import NuScenes
+from fusion_net.nuscenes.sensor_files import read_image, read_radar
 
 UNKNOWN = "not stated"
 """Condition and layout of a tree that does not say, such as a real one."""

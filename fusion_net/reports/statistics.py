@@ -11,11 +11,11 @@ import os
 import sys
 from pathlib import Path
 
-from fusion_net.data.trees import open_trees, split_of
+from fusion_net.common.cli.terminal import print_any_text
+from fusion_net.nuscenes.datasets import open_trees, split_of
 from fusion_net.reports.dataset_page import render_page
 from fusion_net.reports.dataset_summary import summarize
 from fusion_net.reports.dataset_survey import survey
-from fusion_net.terminal import print_any_text
 
 USAGE = "ROOT [split=NAME] [samples=N] [out=DIR] [version=NAME]"
 OPTIONS = {"split": "all", "samples": "300", "out": "", "version": ""}

@@ -3,9 +3,9 @@
 import lightning.pytorch as pl
 import torch
 
+from fusion_net.data.batch import MODALITIES, Batch
 from fusion_net.models.camera_encoder import CameraEncoder
 from fusion_net.models.fusion_net import FusionNet
-from fusion_net.structures import MODALITIES, Batch
 from fusion_net.training.modality_dropout import draw_present
 from fusion_net.training.optimizer import make_optimizer
 from fusion_net.training.plan import Stage

@@ -9,10 +9,10 @@ import torch
 from lightning.pytorch.callbacks import EMAWeightAveraging
 from lightning.pytorch.plugins.io import TorchCheckpointIO
 
-from fusion_net.atomic import replacing
-from fusion_net.boxes import Boxes
+from fusion_net.common.atomic import replacing
+from fusion_net.common.boxes import Boxes
+from fusion_net.data.batch import Batch
 from fusion_net.evaluation.scoring import GroundTruth, score
-from fusion_net.structures import Batch
 from fusion_net.training.callbacks import MetricsCSV, PlanCallback
 from fusion_net.training.interruption import Interruption
 

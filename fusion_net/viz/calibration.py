@@ -7,8 +7,8 @@ A turn of 0.5 degrees about the camera shifts a point by f tan(0.5 deg): 8.7 pix
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fusion_net.boxes import Boxes, points_in_box
-from fusion_net.geometry import from_yaw, invert, project, transform
+from fusion_net.common.boxes import Boxes, points_in_box
+from fusion_net.common.geometry import from_yaw, invert, project, transform
 
 Array = NDArray[np.float64]
 

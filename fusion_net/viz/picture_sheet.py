@@ -6,11 +6,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from fusion_net.boxes import Boxes
+from fusion_net.common.boxes import Boxes
+from fusion_net.common.drawing import BEVPanel, Color, Image, boxes_on_image
+from fusion_net.common.geometry import invert, project, transform
 from fusion_net.data.datamodule import NuScenesDataset
 from fusion_net.data.samples import Sample
-from fusion_net.geometry import invert, project, transform
-from fusion_net.viz.bev import BEVPanel, Color, Image, boxes_on_image
 
 LABEL, FOUND = (96, 220, 96), (255, 150, 40)
 LIDAR, RADAR = (130, 130, 140), (90, 190, 255)

@@ -8,14 +8,14 @@ from datetime import UTC, datetime
 import pytest
 from hydra import compose, initialize_config_dir
 
-from data_gen.conditions import ConditionMix, Preset
 from data_gen.episode import Scenario
 from data_gen.generate import DataConfig, Job, generate, record_path
-from data_gen.manifest import FORMAT, only_generator, without_place
-from data_gen.rig import Camera, Lidar, Radar, Rig
-from data_gen.shard import Shard
-from fusion_net.cli import CONFIGS
-from fusion_net.data.nuscenes import NuScenes
+from data_gen.jobs.manifest import FORMAT, only_generator, without_place
+from data_gen.jobs.shard import Shard
+from data_gen.rig.rig import Camera, Lidar, Radar, Rig
+from data_gen.scene.conditions import ConditionMix, Preset
+from fusion_net.common.cli.command import CONFIGS
+from fusion_net.nuscenes.nuscenes import NuScenes
 
 COMMAND = "python -m data_gen data=nano condition=fog"
 
@@ -238,7 +238,7 @@ def test_a_full_disk_is_named_with_what_to_do(rig, tmp_path, monkeypatch):
 def test_without_room_nothing_begins_and_the_same_command_goes_on_later(tree, rig, tmp_path, monkeypatch):
     root = tmp_path / "x"
     with monkeypatch.context() as patch:
-        patch.setattr("data_gen.manifest.ROOM", 10**18)
+        patch.setattr("data_gen.jobs.manifest.ROOM", 10**18)
         with pytest.raises(OSError, match="make room and give the same command again"):
             generate(job(root, rig, num_scenes=1), settings=settings(), workers=1)
     monkeypatch.setattr(Job, "make", lambda self, index, split: shutil.copytree(tree, root, dirs_exist_ok=True))

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import torch
 
-from fusion_net import geometry
-from fusion_net.bev_grid import BEVGrid
+from fusion_net.common import geometry
+from fusion_net.common.bev_grid import BEVGrid
 from fusion_net.models.lift_splat import SplatIndex, splat
 
 

@@ -4,7 +4,7 @@ import pytest
 import torch
 from omegaconf import OmegaConf
 
-from fusion_net.atomic import replacing
+from fusion_net.common.atomic import replacing
 from fusion_net.run_dir import (
     is_finished,
     load_config,

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from score import score
 
-from benchmarks.random_tree import SPLIT, make_results, make_tables, write_tree
+from tests.fixtures.random_tree import SPLIT, make_results, make_tables, write_tree
 
 
 def main(path: Path) -> None:

@@ -1,0 +1,64 @@
+"""The 13 nuScenes tables of a finished data set, put together from the scenes' records."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+from data_gen.recording.writer import DECOY, token, write_json
+from data_gen.rig.rig import Camera, Rig
+from fusion_net.common.boxes import CATEGORY_TO_CLASS
+from fusion_net.common.geometry import to_quaternion
+
+SCENE_TABLES = ("log", "map", "scene", "sample", "sample_data", "ego_pose", "instance", "sample_annotation")
+ATTRIBUTES = (
+    "vehicle.moving", "vehicle.stopped", "vehicle.parked", "cycle.with_rider", "cycle.without_rider",
+    "pedestrian.moving", "pedestrian.standing", "pedestrian.sitting_lying_down",
+)  # fmt: skip
+VISIBILITY = ("v0-40", "v40-60", "v60-80", "v80-100")
+
+
+def write_tables(root: Path, dataset: str, rig: Rig, records: dict[Path, str]) -> dict[str, int]:
+    """Writes ``v1.0-DATASET/*.json`` from the scenes' record files, each with its split; returns the rows of each table."""
+    folder = root / f"v1.0-{dataset}"
+    folder.mkdir(exist_ok=True)
+    rows: dict[str, list[dict[str, Any]]] = _fixed_tables(dataset, rig) | {name: [] for name in SCENE_TABLES}
+    named: dict[str, list[str]] = {f"{dataset}_{split}": [] for split in records.values()}
+    for record, split in records.items():
+        for name, part in json.loads(record.read_text(encoding="utf-8")).items():
+            rows[name].extend(part)
+        named[f"{dataset}_{split}"].append(rows["scene"][-1]["name"])
+    for name, table in rows.items():
+        write_json(folder / f"{name}.json", table)
+    write_json(folder / "splits.json", named)
+    return {name: len(table) for name, table in rows.items()}
+
+
+def _fixed_tables(dataset: str, rig: Rig) -> dict[str, list[dict[str, Any]]]:
+    """Tables that no scene changes: names, sensors, calibration."""
+    modality = {c: "camera" if c in rig.cameras else "lidar" if c in rig.lidars else "radar" for c in rig.sensors}
+    return {
+        "category": [
+            {"token": token("category", c), "name": c, "description": ""} for c in (*CATEGORY_TO_CLASS, DECOY)
+        ],
+        "attribute": [{"token": token("attribute", a), "name": a, "description": ""} for a in ATTRIBUTES],
+        "visibility": [
+            {
+                "token": str(i + 1),
+                "level": level,
+                "description": f"{level[1:]} % of the rays through the object reach it",
+            }
+            for i, level in enumerate(VISIBILITY)
+        ],
+        "sensor": [{"token": token("sensor", c), "channel": c, "modality": modality[c]} for c in rig.sensors],
+        "calibrated_sensor": [
+            {
+                "token": token(dataset, rig.name, channel, "calibration"),
+                "sensor_token": token("sensor", channel),
+                "translation": mount.ego_T_sensor[:3, 3].tolist(),
+                "rotation": to_quaternion(mount.ego_T_sensor).tolist(),
+                "camera_intrinsic": mount.cam_K.tolist() if isinstance(mount, Camera) else [],
+                **({"width": mount.width, "height": mount.height} if isinstance(mount, Camera) else {}),
+            }
+            for channel, mount in rig.sensors.items()
+        ],
+    }

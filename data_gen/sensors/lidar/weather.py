@@ -1,0 +1,105 @@
+"""What else than surfaces returns light to a LiDAR: drops, fog, spray, the sun and other LiDARs; and what it costs a return."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from data_gen.scene.light import SUN_NORMAL, light_of
+from data_gen.scene.scene import NOTHING, Scene
+from data_gen.scene.spray import penetrate, plumes_at
+from data_gen.sensors.lidar.power import Returns, signal_to_noise, strongest
+from data_gen.sensors.lidar.scatter import RANGES, draw_echoes, echo_table
+
+Array = NDArray[np.float64]
+
+HAZE = 2_000.0
+"""Metres of visibility up to which mist returns light that could be heard."""
+SPRAY_ECHO = 0.5
+"""Share k of the spray's two-way optical depth that makes an echo: with the probability 1 - exp(-2 k tau)."""
+SPRAY_BYTE = (1.0, 10.0)
+"""Calibrated reflectivity of spray (SemanticSpray)."""
+SUN_CONE = 10.0
+"""Degrees from the sun within which its light reaches the receiver."""
+HIGH_SUN = 25.0
+"""Degrees of elevation from which the sun is out of reach of the highest beam."""
+SUN_NOISE = 2.0
+"""Noise power of a full sun straight ahead, in units of the receiver's own."""
+SUN_FALSE = 0.05
+"""Share of the rays straight at a full sun that report its noise as a point."""
+
+
+class Rays(NamedTuple):
+    """The rays of a sweep in the global frame."""
+
+    origins: Array  # (N, 3)
+    directions: Array  # (N, 3) unit
+    times: Array  # (N,) seconds
+
+
+def with_weather(
+    scene: Scene, rays: Rays, hard: Returns, *, max_range: float, crosstalk: float, rng: np.random.Generator
+) -> Returns:
+    """What is heard of the returns ``hard`` of surfaces and of everything that is in the air before them.
+
+    In clear air ``hard`` itself. Points that come from the air belong to NOTHING. ``crosstalk`` is the share of the rays in
+    which the pulse of another LiDAR is heard.
+    """
+    condition, count = scene.condition, len(rays.times)
+    if not count:
+        return hard
+    reach = np.full(count, max_range)
+    reach[hard.ray] = hard.distance
+    echoes = []
+    middle = float(rays.times.mean())
+    plumes = plumes_at(scene, middle)
+    if len(plumes.length):
+        depth = rng.exponential(size=count) / (2 * SPRAY_ECHO)
+        tau, stop = penetrate(plumes, rays.origins, rays.directions, reach, depth, rays.times - middle)
+        hard = hard.dimmed(np.exp(-2 * tau[hard.ray]))
+        ray = np.flatnonzero(np.isfinite(stop))
+        distance, byte = stop[ray], rng.uniform(*SPRAY_BYTE, len(ray))
+        brightness = byte / 100 * np.exp(-2 * condition.extinction * distance)
+        echoes.append(_in_air(ray, distance, signal_to_noise(brightness, distance, max_range=max_range), byte))
+    if condition.rain_rate > 0 or condition.visibility < HAZE:
+        table = echo_table(condition.rain_rate, condition.mist_extinction, condition.extinction, max_range)
+        ray, distance, snr = draw_echoes(table, reach, rng)
+        echoes.append(_in_air(ray, distance, snr, 90 * snr * (distance / max_range) ** 2))
+    if crosstalk > 0:
+        echoes.append(_stray(np.full(count, crosstalk), 3.0, max_range, rng))
+    sun = _sunlight(scene, rays)
+    if sun is not None:
+        hard = hard._replace(snr=hard.snr / (1 + SUN_NOISE * sun[hard.ray]))
+        echoes.append(_stray(SUN_FALSE * sun, 0.5, max_range, rng))
+    return strongest(count, hard, *echoes) if echoes else hard
+
+
+def _sunlight(scene: Scene, rays: Rays) -> Array | None:
+    """Sunlight (N,) in the receiver of each ray, 1 for a full sun straight ahead; None where none comes in.
+
+    It falls evenly to 0 over ``SUN_CONE``. At 905 nm a low sun passes the air better than to the eye, with a third of the
+    optical depth.
+    """
+    if not 0 < scene.condition.sun_elevation < HIGH_SUN:
+        return None
+    light = light_of(scene.condition, scene.name)
+    power = float(light.sun.mean() / SUN_NORMAL) ** (1 / 3)
+    cosine = rays.directions @ light.sun_direction
+    if power < 0.05 or cosine.max() < np.cos(np.radians(SUN_CONE)):
+        return None
+    ahead = int(cosine.argmax())
+    if scene.occluded(rays.origins[ahead], light.sun_direction[None], float(rays.times[ahead]))[0]:
+        return None
+    return power * np.maximum(1 - np.degrees(np.arccos(np.clip(cosine, -1, 1))) / SUN_CONE, 0.0)
+
+
+def _stray(chance: Array, excess: float, max_range: float, rng: np.random.Generator) -> Returns:
+    """Light that belongs to no pulse of ours, heard at any distance with a ``chance`` (N,) a ray; ``excess``: its mean
+    power above the least detectable, in units of that."""
+    ray = np.flatnonzero(rng.random(len(chance)) < chance)
+    distance, snr = rng.uniform(RANGES[0], max_range, len(ray)), 1 + rng.exponential(excess, len(ray))
+    return _in_air(ray, distance, snr, 90 * snr * (distance / max_range) ** 2)
+
+
+def _in_air(ray: NDArray[np.int64], distance: Array, snr: Array, byte: Array) -> Returns:
+    return Returns(ray, distance, snr, byte, np.full(len(ray), NOTHING, np.int32))

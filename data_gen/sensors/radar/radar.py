@@ -1,0 +1,113 @@
+"""A 77 GHz radar that reports detections: the list that a car gets.
+
+Reflections come from ``echoes``, their mirror images from ``radar_ghosts``, what is nothing from
+``radar_clutter``; ``radar_detection`` is the receiver between them and the list.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from data_gen.rig.rig import Radar
+from data_gen.scene.scene import Scene
+from data_gen.sensors.radar.clutter import false_detections, spray_echoes
+from data_gen.sensors.radar.detection import Array, Echoes, detect, link_budget_db
+from data_gen.sensors.radar.echoes import Look, sensor_velocity, visible_echoes
+from data_gen.sensors.radar.flags import RAMP, ambig_state, invalid_state, pdh0, seen_in_both_ramps
+from data_gen.sensors.radar.ghosts import ghost_echoes
+from fusion_net.common.geometry import wrap_angle
+
+MOVING, STATIONARY, ONCOMING = 0, 1, 2
+"""The codes of nuScenes' dyn_prop that a single scan can tell; "stopped" and "crossing" need a history."""
+STILL = 0.5
+"""Compensated radial speed in m/s up to which a detection is called stationary."""
+RCS_STEP, RCS_LIMITS = 0.5, (-64.0, 63.5)
+"""dBsm: what the eight bits of an ARS408's message hold."""
+
+
+@dataclass(frozen=True)
+class RadarScan:
+    """P detections in the sensor's frame (x along the boresight, y left)."""
+
+    x: NDArray[np.float32]  # metres
+    y: NDArray[np.float32]
+    rcs: NDArray[np.float32]  # dBsm, as a receiver infers it from power and range, in steps of RCS_STEP
+    vx: NDArray[np.float32]  # radial velocity as a vector in sensor axes, m/s
+    vy: NDArray[np.float32]
+    vx_comp: NDArray[np.float32]  # the same without the sensor's own motion: zero for what stands still
+    vy_comp: NDArray[np.float32]
+    range: NDArray[np.float32]  # metres
+    azimuth: NDArray[np.float32]  # radians counter-clockwise from the boresight
+    doppler: NDArray[np.float32]  # d(range)/dt in m/s: positive recedes; folded into +-max_doppler
+    snr_db: NDArray[np.float32]
+    dyn_prop: NDArray[np.uint8]  # nuScenes' code
+    body: NDArray[np.int32]  # actor index, WORLD, or NOTHING for ghosts and false detections
+    ambig_state: NDArray[np.uint8]  # codes of ``radar_flags``: whether another fold of the Doppler is plausible
+    invalid_state: NDArray[np.uint8]  # what the sensor suspects: LOW_RCS, MIRROR
+    pdh0: NDArray[np.uint8]  # how likely it thinks the detection is nothing
+    cause: NDArray[np.uint8]  # a code of ``radar_detection``: DIRECT, UNDERBODY, SINGLE_BOUNCE, ..., SPRAY
+
+
+def detect_radar(
+    scene: Scene, radar: Radar, *, t: float, rng: np.random.Generator, ego_T_sensor: Array | None = None
+) -> RadarScan:
+    """The scan of a single :class:`Look`."""
+    return detect_radars(scene, [Look(radar, t, rng, ego_T_sensor)])[0]
+
+
+def detect_radars(scene: Scene, looks: Sequence[Look]) -> list[RadarScan]:
+    """The scans of several looks, each as if it were alone; together they cost little more than one."""
+    scans = []
+    for look, direct, mirrored in zip(looks, visible_echoes(scene, looks), ghost_echoes(scene, looks), strict=True):
+        own_velocity = sensor_velocity(scene, look.radar.ego_T_sensor, look.t)
+        echoes = [direct, mirrored]
+        if scene.condition.spray:
+            echoes.append(spray_echoes(scene, look, own_velocity))
+        true = detect(Echoes.concatenate(echoes), look.radar, look.rng)
+        false = false_detections(look.radar, own_velocity, look.rng, scene.condition.rain_rate)
+        found = Echoes.concatenate([true, false]).strongest(look.radar.max_detections)
+        scans.append(report(found, look.radar, own_velocity, look.rng))
+    return scans
+
+
+def report(found: Echoes, radar: Radar, own_velocity: Array, rng: np.random.Generator) -> RadarScan:
+    """Detections as the car gets them: positions, relative and ground radial velocities, inferred cross-sections, doubts.
+
+    Of the velocities over ground that fold into the measured Doppler a car takes the least, as most of the world stands still:
+    of a target too faint for one of the ramps, there are many.
+    """
+    cos, sin = np.cos(found.azimuth), np.sin(found.azimuth)
+    both = seen_in_both_ramps(found.snr, rng)
+    limit = np.where(both, radar.max_doppler, min(RAMP, radar.max_doppler))
+    own = cos * own_velocity[0] + sin * own_velocity[1]
+    ground = wrap_angle(found.doppler + own, 2 * limit)
+    doppler = wrap_angle(ground - own, 2 * radar.max_doppler)
+    snr_db = 10 * np.log10(found.snr)
+    rcs = np.round((snr_db - link_budget_db(found.range, found.azimuth, radar)) / RCS_STEP) * RCS_STEP
+    rcs = rcs.clip(*RCS_LIMITS)
+    columns = {
+        "x": found.range * cos,
+        "y": found.range * sin,
+        "rcs": rcs,
+        "vx": doppler * cos,
+        "vy": doppler * sin,
+        "vx_comp": ground * cos,
+        "vy_comp": ground * sin,
+        "range": found.range,
+        "azimuth": found.azimuth,
+        "doppler": doppler,
+        "snr_db": snr_db,
+    }
+    motion = np.select([np.abs(ground) <= STILL, ground < 0], [STATIONARY, ONCOMING], MOVING).astype(np.uint8)
+    invalid = invalid_state(rcs, found.cause, rng)
+    return RadarScan(
+        **{k: v.astype(np.float32) for k, v in columns.items()},
+        dyn_prop=motion,
+        body=found.body,
+        ambig_state=ambig_state(ground, limit, motion == STATIONARY),
+        invalid_state=invalid,
+        pdh0=pdh0(snr_db, both, invalid),
+        cause=found.cause,
+    )

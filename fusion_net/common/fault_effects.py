@@ -1,0 +1,220 @@
+"""What a fault does to a sensor: the effects that a ``faults.Fault`` is made of."""
+
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+import cv2
+import numpy as np
+from beartype import beartype
+from numpy.typing import NDArray
+
+from fusion_net.common.geometry import from_rpy
+from fusion_net.data.batch import MODALITIES
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Rng = np.random.Generator
+Number = float | int  # YAML writes 0 for 0.0
+
+MUD = 12
+"""Level of 255 of what a blocked lens shows."""
+
+
+class Effect:
+    """What a fault does to a sensor. An effect overrides the hooks that it needs; the others leave all as it is.
+
+    ``rng`` gives what is drawn once for as long as the fault's draw lasts.
+    """
+
+    modalities: ClassVar[tuple[str, ...]] = MODALITIES
+    """Sensors that it can act on."""
+    kills: ClassVar[bool] = False
+    """Whether the sensor gives nothing."""
+
+    def late_firings(self) -> int:
+        """How many firings ago the delivered data were taken."""
+        return 0
+
+    def clock_error(self, since_start: float) -> float:
+        """Reported minus true time in seconds, ``since_start`` seconds after the scene's first keyframe."""
+        return 0.0
+
+    def true_mount(self, ego_T_sensor: Array, rng: Rng) -> Array:
+        """Where (4, 4) the sensor truly sits whose reported mount is ``ego_T_sensor``."""
+        return ego_T_sensor
+
+    def kept(self, azimuth: Array, ring: NDArray | None, rng: Rng, rng_of_firing: Rng) -> Mask:
+        """Which points (P,) are left. ``azimuth`` (P,) radians from the sensor, counter-clockwise from the ego's x axis;
+        ``ring`` (P,) of a LiDAR's points."""
+        return np.ones(len(azimuth), bool)
+
+    def covered(self, height: int, width: int, rng: Rng) -> Mask | None:
+        """Which pixels (H, W) of the image something on the lens hides."""
+        return None
+
+
+@beartype
+@dataclass(frozen=True)
+class Dead(Effect):
+    """The sensor gives nothing."""
+
+    kills: ClassVar[bool] = True
+
+    def kept(self, azimuth: Array, ring: NDArray | None, rng: Rng, rng_of_firing: Rng) -> Mask:
+        """Nothing."""
+        return np.zeros(len(azimuth), bool)
+
+
+@beartype
+@dataclass(frozen=True, kw_only=True)
+class Stale(Effect):
+    """The data of an earlier firing come under the stamp of this one: a buffer that was not refilled in time."""
+
+    firings: int = 1
+
+    def __post_init__(self) -> None:
+        _at_least(0, firings=self.firings)
+
+    def late_firings(self) -> int:
+        """``firings``."""
+        return self.firings
+
+
+@beartype
+@dataclass(frozen=True, kw_only=True)
+class Clock(Effect):
+    """The sensor's clock is wrong, and the car believes it.
+
+    Reported - true time = ``offset`` + ``drift_ppm`` 1e-6 (``unsynchronised`` + t), t seconds into the scene, where
+    ``unsynchronised`` are the seconds for which the clock had run by itself before. A sensor fires when its own clock says
+    so, so at a positive offset what it delivers is older than its stamp.
+    """
+
+    offset: Number = 0.0
+    drift_ppm: Number = 0.0
+    unsynchronised: Number = 0.0
+
+    def clock_error(self, since_start: float) -> float:
+        """As the class says."""
+        return self.offset + self.drift_ppm * 1e-6 * (self.unsynchronised + since_start)
+
+
+@beartype
+@dataclass(frozen=True, kw_only=True)
+class Mismount(Effect):
+    """The true mount has moved and the reported one has not: turned by ``rotation_deg`` (roll, pitch, yaw about the ego's
+    axes, degrees) about the sensor, and moved by ``translation`` (m along the ego's axes).
+
+    ``drawn``: the six values are standard deviations of normal draws, one each time the fault is drawn.
+    """
+
+    rotation_deg: list[Number] = field(default_factory=lambda: [0.0, 0.0, 0.0])
+    translation: list[Number] = field(default_factory=lambda: [0.0, 0.0, 0.0])
+    drawn: bool = False
+
+    def __post_init__(self) -> None:
+        for name in ("rotation_deg", "translation"):
+            if len(getattr(self, name)) != 3:
+                raise ValueError(f"fault: {name}={getattr(self, name)} is not three numbers")
+
+    def true_mount(self, ego_T_sensor: Array, rng: Rng) -> Array:
+        """The turned and moved mount."""
+        scale = rng.normal(size=6) if self.drawn else np.ones(6)
+        roll, pitch, yaw = np.radians(self.rotation_deg) * scale[:3]
+        true = from_rpy(roll, pitch, yaw) @ ego_T_sensor
+        true[:3, 3] = ego_T_sensor[:3, 3] + np.array(self.translation) * scale[3:]
+        return true
+
+
+@beartype
+@dataclass(frozen=True, kw_only=True)
+class FewerBeams(Effect):
+    """A LiDAR of ``of`` beams keeps ``keep`` of them, evenly spaced."""
+
+    modalities: ClassVar[tuple[str, ...]] = ("lidar",)
+    keep: int
+    of: int = 32
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.keep <= self.of or self.of % self.keep:
+            fits = [n for n in range(1, self.of + 1) if self.of % n == 0]
+            raise ValueError(f"fault: keep={self.keep} of {self.of} beams; use {', '.join(map(str, fits))}")
+
+    def kept(self, azimuth: Array, ring: NDArray | None, rng: Rng, rng_of_firing: Rng) -> Mask:
+        """One ring of ``of`` / ``keep``."""
+        assert ring is not None
+        return ring.astype(int) % (self.of // self.keep) == 0
+
+
+@beartype
+@dataclass(frozen=True, kw_only=True)
+class LostSector(Effect):
+    """No returns from a sector of ``width_deg`` about ``center_deg``, counter-clockwise from straight ahead of the car;
+    the centre is drawn within ``spread_deg`` to either side."""
+
+    modalities: ClassVar[tuple[str, ...]] = ("lidar", "radar")
+    width_deg: Number
+    center_deg: Number = 0.0
+    spread_deg: Number = 0.0
+
+    def __post_init__(self) -> None:
+        _at_least(0, width_deg=self.width_deg, spread_deg=self.spread_deg)
+
+    def kept(self, azimuth: Array, ring: NDArray | None, rng: Rng, rng_of_firing: Rng) -> Mask:
+        """What lies outside the sector."""
+        center = self.center_deg + self.spread_deg * rng.uniform(-1, 1)
+        from_center = (np.degrees(azimuth) - center + 180) % 360 - 180
+        return np.abs(from_center) > self.width_deg / 2
+
+
+@beartype
+@dataclass(frozen=True, kw_only=True)
+class LostPoints(Effect):
+    """Each return is lost with probability ``share``."""
+
+    modalities: ClassVar[tuple[str, ...]] = ("lidar", "radar")
+    share: Number
+
+    def __post_init__(self) -> None:
+        _share(share=self.share)
+
+    def kept(self, azimuth: Array, ring: NDArray | None, rng: Rng, rng_of_firing: Rng) -> Mask:
+        """Drawn anew each firing."""
+        return rng_of_firing.random(len(azimuth)) >= self.share
+
+
+@beartype
+@dataclass(frozen=True, kw_only=True)
+class BlockedLens(Effect):
+    """Mud in blots hides ``share`` of the image: nearly black, as it is far out of focus and lit from behind."""
+
+    modalities: ClassVar[tuple[str, ...]] = ("camera",)
+    share: Number
+    blots: int = 6
+
+    def __post_init__(self) -> None:
+        _share(share=self.share)
+        _at_least(1, blots=self.blots)
+
+    def covered(self, height: int, width: int, rng: Rng) -> Mask | None:
+        """Where smooth noise, ``blots`` knots along the image's height, exceeds its quantile."""
+        knots = rng.normal(size=(self.blots, max(round(self.blots * width / height), 1)))
+        noise = cv2.resize(knots, (width, height), interpolation=cv2.INTER_CUBIC)
+        return noise > np.quantile(noise, 1 - self.share) if self.share < 1 else np.ones((height, width), bool)
+
+
+def smear(image: NDArray[np.uint8], covered: Mask | None) -> NDArray[np.uint8]:
+    """The image (H, W, 3) with what is covered (H, W) as dark as mud is."""
+    return image if covered is None else np.where(covered[..., None], np.uint8(MUD), image)
+
+
+def _at_least(low: Number, **values: Number) -> None:
+    for name, value in values.items():
+        if value < low:
+            raise ValueError(f"fault: {name}={value} is below {low}")
+
+
+def _share(**values: Number) -> None:
+    for name, value in values.items():
+        if not 0 <= value <= 1:
+            raise ValueError(f"fault: {name}={value} is not within [0, 1]")

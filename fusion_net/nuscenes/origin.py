@@ -1,0 +1,18 @@
+"""How a generated tree was made, as its manifest says."""
+
+import shlex
+from pathlib import Path
+from typing import Any
+
+from fusion_net.common.cli.command_line import as_override
+
+
+def generating_command(root: Path, manifest: dict[str, Any]) -> str:
+    """What to type to make the tree in ``root``, or to go on with it; "" where the manifest does not say.
+
+    The manifest keeps the command without its folder, so that a copy or a moved tree tells its own. A shard lies in the
+    folder that the command names.
+    """
+    command = manifest.get("command", "")
+    folder = root.parent if manifest.get("shard") else root
+    return f"{command} {shlex.quote(f'data.root={as_override(folder)}')}" if command else ""

@@ -1,0 +1,50 @@
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fusion_net.common.bev_grid import BEVGrid
+
+GRID = BEVGrid(x_min=-4.0, x_max=20.0, y_min=-9.0, y_max=3.0, cell=0.5)
+
+
+def test_the_lessons_cell():
+    """12 m ahead and -3 across lands in row 94, column 124 of the 200 x 200 grid."""
+    grid = BEVGrid(x_min=-50.0, x_max=50.0, y_min=-50.0, y_max=50.0, cell=0.5)
+    row, column, inside = grid.rows_columns(torch.tensor([12.0, -3.0]))
+    assert (int(row), int(column), bool(inside)) == (94, 124, True)
+
+
+def test_shape_is_rows_then_columns():
+    assert GRID.shape == (24, 48)
+    assert GRID.at(1.0).shape == (12, 24)
+
+
+def test_just_below_the_lower_bound_is_outside_not_cell_zero():
+    xy = torch.tensor([[-4.3, 0.0], [0.0, -9.3], [-3.9, -8.9], [20.0, 0.0], [0.0, 3.0]])
+    assert GRID.rows_columns(xy)[2].tolist() == [False, False, True, False, False]
+
+
+def test_nan_is_outside():
+    row, column, inside = GRID.rows_columns(torch.tensor([float("nan"), 0.0]))
+    assert not inside
+    assert row >= 0
+    assert column >= 0
+
+
+def test_centres_fall_into_their_own_cells():
+    row, column, inside = GRID.rows_columns(GRID.centers())
+    assert inside.all()
+    assert torch.equal(row, torch.arange(24)[:, None].expand(24, 48))
+    assert torch.equal(column, torch.arange(48).expand(24, 48))
+
+
+@given(st.floats(-30, 30), st.floats(-30, 30))
+def test_numpy_and_torch_agree_on_what_is_inside(x, y):
+    point = torch.tensor([x, y], dtype=torch.float64)
+    assert bool(GRID.contains(point[None].numpy())[0]) == bool(GRID.rows_columns(point)[2])
+
+
+def test_a_ragged_grid_names_the_nearest_bound():
+    with pytest.raises(ValueError, match=r"nearest x_max is 10\.4"):
+        BEVGrid(x_min=0.0, x_max=10.5, y_min=0.0, y_max=8.0, cell=0.8)

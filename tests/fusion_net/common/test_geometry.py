@@ -1,0 +1,63 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fusion_net.common import geometry as g
+
+angle = st.floats(-3.0, 3.0)
+
+
+@given(angle, st.floats(-1.4, 1.4), angle)
+def test_inverse_undoes_a_pose(roll, pitch, yaw):
+    a_T_b = g.from_rpy(roll, pitch, yaw, (3.0, -2.0, 1.0))
+    assert g.invert(a_T_b) @ a_T_b == pytest.approx(np.eye(4), abs=1e-12)
+
+
+@given(angle, st.floats(-1.4, 1.4), angle)
+def test_quaternion_round_trip(roll, pitch, yaw):
+    a_T_b = g.from_rpy(roll, pitch, yaw, (3.0, -2.0, 1.0))
+    assert g.from_quaternion(g.to_quaternion(a_T_b), a_T_b[:3, 3]) == pytest.approx(a_T_b, abs=1e-12)
+
+
+def test_yaw_is_counter_clockwise_and_positive_pitch_looks_down():
+    assert g.transform(g.from_yaw(np.pi / 2), [[1.0, 0.0, 0.0]]) == pytest.approx(np.array([[0.0, 1.0, 0.0]]))
+    assert g.transform(g.from_rpy(0, 0.1, 0), [[1.0, 0.0, 0.0]])[0, 2] < 0
+
+
+@given(st.floats(0.5, 80), st.floats(-5, 5), st.floats(-3, 3))
+def test_unproject_undoes_project(z, x, y):
+    cam_K = np.array([[220.0, 0, 163], [0, 210.0, 44], [0, 0, 1]])
+    point = np.array([[x, y, z]])
+    pixel, depth = g.project(cam_K, point)
+    assert g.unproject(cam_K, pixel, depth) == pytest.approx(point, abs=1e-9)
+
+
+def test_behind_the_camera_projects_nowhere():
+    pixel, depth = g.project(np.eye(3), [[1.0, 1.0, -2.0], [1.0, 1.0, 0.0]])
+    assert np.isnan(pixel).all()
+    assert depth.tolist() == [-2.0, 0.0]
+
+
+def test_the_lessons_scale_ambiguity():
+    """A 1.5 m pedestrian at 30 m and a 3 m sign at 60 m: the same 50 pixels at f = 1000."""
+    cam_K = np.diag([1000.0, 1000.0, 1.0])
+    near, _ = g.project(cam_K, [[0, -1.5, 30.0], [0, 0, 30.0]])
+    far, _ = g.project(cam_K, [[0, -3.0, 60.0], [0, 0, 60.0]])
+    assert near[1, 1] - near[0, 1] == far[1, 1] - far[0, 1] == 50.0
+
+
+def test_the_lessons_half_degree_of_miscalibration_is_nine_pixels_at_any_depth():
+    cam_K = np.array([[1000.0, 0, 960], [0, 1000.0, 540], [0, 0, 1]])
+    for depth in (8.0, 30.0):
+        point = np.array([[0.0, 0.0, depth]])
+        turned = g.transform(g.from_rpy(0, np.radians(0.5), 0), point)
+        shift = g.project(cam_K, turned)[0] - g.project(cam_K, point)[0]
+        assert np.hypot(*shift[0]) == pytest.approx(8.73, abs=0.01)
+
+
+@given(st.floats(-50, 50))
+def test_wrapped_angles_are_in_range_and_equal_up_to_turns(a):
+    wrapped = g.wrap_angle(a)
+    assert -np.pi <= wrapped < np.pi
+    assert np.cos(wrapped - a) == pytest.approx(1.0)

@@ -1,0 +1,86 @@
+"""Decoding: what was drawn as targets comes back as boxes."""
+
+import numpy as np
+import pytest
+import torch
+
+from fusion_net.common.bev_grid import BEVGrid
+from fusion_net.models.center_head import CenterHead
+
+GRID = BEVGrid(4.0, 44.0, -12.0, 20.0, 0.8)
+CLASSES = ["truck", "pedestrian"]
+
+
+def head(**options) -> CenterHead:
+    return CenterHead(grid=GRID, classes=CLASSES, inputs=4, hidden=4, **options)
+
+
+def drawn(centers, labels, logits, *, yaw=0.7):
+    """Maps with one peak an object, as a perfect network would make them."""
+    maps = {"heatmap": torch.full((1, 2, *GRID.shape), -9.0)}
+    for name, channels in (("offset", 2), ("height", 1), ("size", 3), ("rot", 2), ("velocity", 2), ("log_variance", 2)):
+        maps[name] = torch.zeros(1, channels, *GRID.shape)
+    for center, label, logit in zip(torch.tensor(centers), labels, logits, strict=True):
+        row, column, _ = GRID.rows_columns(center[:2])
+        maps["heatmap"][0, label, row, column] = logit
+        maps["offset"][0, :, row, column] = center[:2] - GRID.centers()[row, column]
+        maps["height"][0, 0, row, column] = center[2]
+        maps["size"][0, :, row, column] = torch.tensor([1.9, 4.6, 1.5]).log()
+        maps["rot"][0, :, row, column] = torch.tensor([np.sin(yaw), np.cos(yaw)]).float()
+        maps["velocity"][0, :, row, column] = torch.tensor([3.0, -1.0])
+        maps["log_variance"][0, :, row, column] = torch.tensor([-2.0, 1.0])
+    return maps
+
+
+def test_boxes_come_back():
+    centers, labels = [[10.3, -7.1, 0.9], [40.2, 19.3, 1.4], [22.0, 3.3, 0.8]], [0, 1, 0]
+    boxes = head(min_score=0.1).decode(drawn(centers, labels, [4.0, 3.0, 2.0], yaw=-2.5))[0]
+    np.testing.assert_allclose(boxes.center, centers, atol=1e-5)
+    assert boxes.label.tolist() == labels
+    np.testing.assert_allclose(boxes.wlh, np.tile([1.9, 4.6, 1.5], (3, 1)), rtol=1e-5)
+    np.testing.assert_allclose(boxes.yaw, -2.5, atol=1e-6)
+    np.testing.assert_allclose(boxes.velocity, np.tile([3.0, -1.0], (3, 1)))
+    np.testing.assert_allclose(boxes.log_variance, np.tile([-2.0, 1.0], (3, 1)))
+    np.testing.assert_allclose(boxes.score, 1 / (1 + np.exp([-4.0, -3.0, -2.0])), rtol=1e-6)
+
+
+def test_circle_nms_is_per_class_and_by_radius():
+    """2.4 m apart: one truck (3.5 m), but two pedestrians (0.4 m)."""
+    places = [[20.0, 0.0, 1.0], [20.0, 2.4, 1.0]]
+    assert len(head(min_score=0.1).decode(drawn(places, [0, 0], [3.0, 2.0]))[0]) == 1
+    assert len(head(min_score=0.1).decode(drawn(places, [1, 1], [3.0, 2.0]))[0]) == 2
+    assert len(head(min_score=0.1).decode(drawn(places, [0, 1], [3.0, 2.0]))[0]) == 2
+
+
+def test_a_suppressed_box_suppresses_nobody():
+    """A chain of trucks 3 m apart: the second falls to the first, the third stands."""
+    places = [[20.0, 0.0, 1.0], [20.0, 3.0, 1.0], [20.0, 6.0, 1.0]]
+    boxes = head(min_score=0.1).decode(drawn(places, [0, 0, 0], [3.0, 2.0, 1.0]))[0]
+    np.testing.assert_allclose(boxes.center[:, 1], [0.0, 6.0], atol=1e-5)
+
+
+def test_best_first_and_capped():
+    maps = {"heatmap": torch.randn(2, 2, *GRID.shape)}
+    for name, channels in (("offset", 2), ("height", 1), ("size", 3), ("rot", 2), ("velocity", 2), ("log_variance", 2)):
+        maps[name] = torch.randn(2, channels, *GRID.shape)
+    for boxes in head(max_boxes=30).decode(maps):
+        assert 0 < len(boxes) <= 30
+        assert (np.diff(boxes.score) <= 0).all()
+
+
+def test_empty_maps_and_nan_logits_give_no_boxes():
+    maps = drawn([], [], [])
+    maps["heatmap"][:] = -torch.inf
+    assert len(head().decode(maps)[0]) == 0
+    maps["heatmap"][:] = torch.nan
+    assert len(head().decode(maps)[0]) == 0
+
+
+def test_an_untrained_head_starts_at_the_prior():
+    maps = head()(torch.zeros(2, 4, *GRID.shape))
+    assert maps["heatmap"].sigmoid().mean().item() == pytest.approx(0.1, abs=0.02)
+
+
+def test_unknown_class_is_named():
+    with pytest.raises(ValueError, match="lorry"):
+        CenterHead(grid=GRID, classes=["lorry"], inputs=4)

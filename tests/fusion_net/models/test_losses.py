@@ -1,0 +1,124 @@
+"""Losses: finite where there is nothing, blind where there is no label, least at the truth."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from benchmarks.model_step import random_batch
+from fusion_net.common.bev_grid import BEVGrid
+from fusion_net.data.batch import Targets
+from fusion_net.models.depth_bins import DepthBins
+from fusion_net.models.losses import DetectionLoss, center_nll, depth_loss, focal_loss, masked_l1
+
+GRID = BEVGrid(0.0, 16.0, -4.0, 8.0, 1.0)
+BINS = DepthBins(2.0, 58.0, 14)
+
+
+def test_focal_loss_by_hand():
+    logits, heat = torch.tensor([[0.0, 0.0]]), torch.tensor([[1.0, 0.5]])
+    expected = 0.25 * torch.tensor(2.0).log() * (1 + 0.5**4)
+    torch.testing.assert_close(focal_loss(logits, heat), expected)
+
+
+def test_focal_loss_is_finite_without_positives_and_at_extreme_logits():
+    logits = torch.tensor([-200.0, 200.0, 0.0], requires_grad=True)
+    focal_loss(logits, torch.tensor([1.0, 0.0, 0.3])).backward()
+    assert logits.grad.isfinite().all()
+    assert focal_loss(torch.full((4,), -100.0), torch.zeros(4)) == 0
+
+
+def test_unknown_velocity_teaches_nothing():
+    values = torch.ones(3, 2, requires_grad=True)
+    target = torch.tensor([[0.0, 0.0], [torch.nan, torch.nan], [1.0, 1.0]])
+    loss = masked_l1(values, target)
+    loss.backward()
+    assert loss.item() == 1.0  # two objects know their velocity, their errors are 2 and 0
+    assert not values.grad[1].any()
+    assert masked_l1(torch.zeros(0, 2), torch.zeros(0, 2)) == 0
+
+
+def _single(error_x: float, log_variance: float) -> tuple[dict[str, torch.Tensor], Targets]:
+    rows, columns = GRID.shape
+    zeros = {n: torch.zeros(1, c, rows, columns) for n, c in (("offset", 2), ("height", 1), ("size", 3), ("rot", 2))}
+    mask, heat = torch.zeros(1, rows, columns, dtype=torch.bool), torch.zeros(1, 2, rows, columns)
+    mask[0, 4, 9], heat[0, 1, 4, 9] = True, 1.0
+    targets = Targets(heatmap=heat, mask=mask, velocity=torch.zeros(1, 2, rows, columns), **zeros)
+    maps = {"heatmap": torch.full((1, 2, rows, columns), -5.0), "offset": torch.zeros(1, 2, rows, columns)}
+    maps["heatmap"][0, 1, 4, 9] = 2.0
+    maps["offset"][0, 0] = error_x
+    maps["log_variance"] = torch.full((1, 2, rows, columns), log_variance)
+    return maps, targets
+
+
+def test_variance_is_least_wrong_at_the_squared_error():
+    nll = [center_nll(*_single(0.5, v), cell=1.0, reach=2)[None] for v in (-2.2, -1.386, -0.6)]
+    y_term = [
+        torch.tensor(v).neg().div(2) for v in (-2.2, -1.386, -0.6)
+    ]  # the exact y prefers small variances; take it out
+    x_only = [float(a + b) for a, b in zip(nll, y_term, strict=True)]
+    assert x_only[1] == min(x_only)
+
+
+def test_variance_answers_for_the_peak_that_is_decoded():
+    """The strongest cell is two columns beside the object's: the error is two metres, not the offset at the true cell."""
+    maps, targets = _single(0.0, 0.0)
+    near = center_nll(maps, targets, cell=1.0, reach=2)
+    maps["heatmap"][0, 1, 4, 11] = 5.0
+    assert center_nll(maps, targets, cell=1.0, reach=2) - near == pytest.approx(0.5 * 2.0**2)
+    maps["heatmap"][0, 0, 4, 10] = 9.0  # another class does not matter
+    assert center_nll(maps, targets, cell=1.0, reach=2) - near == pytest.approx(0.5 * 2.0**2)
+
+
+def test_the_box_is_learnt_around_the_centre_as_seen_from_each_cell():
+    """Offsets that point to the centre from every neighbour cost nothing; one cell further, nothing is asked."""
+    maps, targets = _single(0.0, 0.0)
+    maps |= {
+        name: torch.zeros(1, c, *GRID.shape) for name, c in (("height", 1), ("size", 3), ("rot", 2), ("velocity", 2))
+    }
+    rows, columns = torch.meshgrid(*(torch.arange(n) for n in GRID.shape), indexing="ij")
+    maps["offset"][0] = torch.stack([9 - columns, 4 - rows]) * GRID.cell
+    loss = DetectionLoss(bins=BINS, cell=GRID.cell)
+    assert loss.boxes(maps, targets)["loss/offset"] == 0
+    maps["offset"][0, :, 4, 11] += 7.0
+    assert loss.boxes(maps, targets)["loss/offset"] == 0
+    maps["offset"][0, 0, 4, 10] += 0.9
+    assert loss.boxes(maps, targets)["loss/offset"] == pytest.approx(0.5 * 0.9 / 9)
+    narrow = DetectionLoss(bins=BINS, cell=GRID.cell, spread=0)
+    assert narrow.boxes(maps, targets)["loss/offset"] == 0
+
+
+def test_depth_cells_without_return_teach_nothing():
+    logits = torch.randn(1, 1, BINS.count, 2, 3, requires_grad=True)
+    depth = torch.tensor([[[[0.0, 10.0, 70.0], [1.0, 30.0, 0.0]]]])
+    depth_loss(logits, depth, torch.ones_like(depth), BINS).backward()
+    taught = logits.grad.abs().sum(2)[0, 0] > 0
+    assert taught.tolist() == [[False, True, False], [False, True, False]]
+    assert depth_loss(logits, torch.zeros_like(depth), torch.ones_like(depth), BINS) == 0
+
+
+@pytest.mark.parametrize("supervision", ["none", "lidar", "dense"])
+def test_depth_supervision_is_a_switch(supervision):
+    batch = random_batch(1, grid=GRID, image=(32, 64), lidar=0, radar=0)
+    loss = DetectionLoss(bins=BINS, cell=GRID.cell, depth_supervision=supervision)
+    terms = loss.camera(_perception(batch), batch)
+    assert ("loss/depth" in terms) == (supervision != "none")
+    assert "loss/classes" in terms
+    real = replace(batch, dense_depth=None, class_map=None)
+    if supervision == "dense":
+        with pytest.raises(ValueError, match="use lidar"):
+            loss.camera(_perception(real), real)
+    else:
+        assert loss.total(loss.camera(_perception(real), real))["loss"].isfinite()
+
+
+def _perception(batch):
+    from fusion_net.models.camera_encoder import Perception
+
+    b, n, h, w = batch.lidar_depth.shape
+    return Perception(
+        torch.randn(b, n, 4, h, w),
+        torch.randn(b, n, BINS.count, h, w),
+        torch.randn(b, n, 10, h, w),
+        torch.randn(b, n, h, w),
+    )

@@ -69,3 +69,11 @@ def ramp(low, high, x):
     """Smooth step from 0 at ``low`` to 1 at ``high``."""
     s = min(max((x - low) / (high - low), 0.0), 1.0)
     return s * s * (3 - 2 * s)
+
+
+@jit
+def mix(out, fraction, r, g, b):
+    """Blend a ``fraction`` of the colour (r, g, b) into ``out``, in place."""
+    out[0] += fraction * (r - out[0])
+    out[1] += fraction * (g - out[1])
+    out[2] += fraction * (b - out[2])

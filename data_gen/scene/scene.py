@@ -21,6 +21,7 @@ from data_gen.scene.conditions import Condition
 from data_gen.scene.luminaires import luminaires
 from data_gen.scene.ray_kernels import finish, into_bodies, keep_nearer, passing
 from data_gen.world.ground import GroundMap
+from fusion_net.common.geometry import rotate_yaw
 
 WORLD = -1
 """Body index of the static world; actors count from 0."""
@@ -144,7 +145,7 @@ class Scene:
         """Global positions (N, 3) at times ``t`` (N,) or a scalar of points ``local`` (N, 3) fixed to bodies (N,): actors or
         WORLD."""
         position, yaw, _ = self._tracks.at(t, np.where(body == WORLD, len(self.actors), body))
-        return position + _rotate(local, np.cos(yaw), np.sin(yaw))
+        return position + rotate_yaw(local, yaw)
 
     def cast(self, origins: ArrayLike, directions: ArrayLike, times: ArrayLike, max_range: float = 250.0) -> Hits:
         """Nearest hits of rays with global ``origins`` (N, 3) or (3,), unit ``directions`` (N, 3), ``times`` (N,) or a
@@ -209,7 +210,7 @@ class Scene:
         position, yaw, velocity = self._tracks.at(middle, np.arange(len(self.actors)))
         turn = np.linalg.norm(velocity, axis=1) * middle / self._stride + self._first_phase
         slack = half_span * 1.5 * np.linalg.norm(velocity, axis=1) + (0.2 if half_span else 0.0)
-        center = position + _rotate(self._sphere_center, np.cos(yaw), np.sin(yaw))
+        center = position + rotate_yaw(self._sphere_center, yaw)
         radius = self._sphere_radius + slack
         which, rays = passing(
             origins, directions, center.astype(np.float32), radius.astype(np.float32), np.float32(max_range)
@@ -229,7 +230,3 @@ class Scene:
                 part = slice(start, end)
                 tree = self._trees[id(self.actors[index].asset)].at(turn[index])
                 yield index, tree, rays[part], moved_o[part], moved_d[part], cos[part], sin[part]
-
-
-def _rotate(v, cos, sin):
-    return np.stack([cos * v[:, 0] - sin * v[:, 1], sin * v[:, 0] + cos * v[:, 1], v[:, 2]], axis=1)

@@ -4,8 +4,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_gen.assets.shapes.mesh import TEXTURES, Mesh, Scatterers, Surface
-from data_gen.sensors.camera.rendering.facades import BAY, STOREY
 
+BAY = 2.8
+"""Width of a bay of a facade in metres. Houses stand on a grid of it, so that a front begins and ends with a whole one."""
+STOREY = 3.2
+"""Height of a storey in metres."""
 Array = NDArray[np.float64]
 
 WALLS = np.array(

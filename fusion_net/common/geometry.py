@@ -57,6 +57,12 @@ def transform(a_T_b: Array, points: ArrayLike) -> Array:
     return np.asarray(points) @ a_T_b[:3, :3].T + a_T_b[:3, 3]
 
 
+def rotate_yaw(vectors: ArrayLike, yaw: ArrayLike) -> Array:
+    """Vectors (N, 3) turned about z by ``yaw`` radians, (N,) or a scalar: ego axes to global axes at those headings."""
+    v, cos, sin = np.asarray(vectors), np.cos(yaw), np.sin(yaw)
+    return np.stack([cos * v[:, 0] - sin * v[:, 1], sin * v[:, 0] + cos * v[:, 1], v[:, 2]], axis=1)
+
+
 def yaw_of(a_T_b: ArrayLike) -> float:
     """Heading in frame ``a`` of the x axis of ``b``, counter-clockwise from x, in (-pi, pi]."""
     rotation = np.asarray(a_T_b)

@@ -18,6 +18,7 @@ from data_gen.sensors.camera import glare, lens
 from data_gen.sensors.camera.imaging import Exposure, auto_exposure, develop
 from data_gen.sensors.camera.motion_blur import motion_blur
 from data_gen.sensors.camera.rain import add_streaks
+from data_gen.sensors.camera.rendering.reflections import mirror_image
 from data_gen.sensors.camera.rendering.renderer import Renderer, View
 from data_gen.sensors.camera.spray import add_spray
 
@@ -90,7 +91,7 @@ def _trace(renderer: Renderer, camera: Camera) -> tuple[NDArray[np.float32], NDA
     rays = view.rays(centers)
     hits, lit = renderer.cast(rays)
     open_sky = _open_sky(renderer.cover(rays, hits).reshape(shape)).ravel()
-    mirror = renderer.mirrored(rays, hits, shape)
+    mirror = mirror_image(renderer, rays, hits, shape)
     linear = renderer.luminance(rays, hits, lit, open_sky, mirror, 1.0)
     tint = scene.surface.albedo[:, 1][hits.face]
     score = _edges(hits.body.reshape(shape), hits.distance, hits.normal, rays, lit, tint, linear)

@@ -18,7 +18,7 @@ from data_gen.sensors.lidar.power import (
 )
 from data_gen.sensors.lidar.weather import Rays, with_weather
 from data_gen.world.ground import GROUND_NAMES, ground_table
-from fusion_net.common.geometry import invert, transform
+from fusion_net.common.geometry import invert, rotate_yaw, transform
 
 # fmt: off
 ELEVATION_DEG = np.array([
@@ -74,8 +74,8 @@ def scan_lidar(
     believed = lidar.ego_T_sensor
     true = believed if ego_T_sensor is None else ego_T_sensor
     position, yaw, _ = scene.ego.at(t_end + dt)
-    origins = position + _yawed(np.broadcast_to(true[:3, 3], (len(dt), 3)), yaw)
-    directions = _yawed(in_sensor @ true[:3, :3].T, yaw)
+    origins = position + rotate_yaw(np.broadcast_to(true[:3, 3], (len(dt), 3)), yaw)
+    directions = rotate_yaw(in_sensor @ true[:3, :3].T, yaw)
     hits = scene.cast(origins, directions, t_end + dt, lidar.max_range)
 
     rays = Rays(origins, directions, t_end + dt)
@@ -88,7 +88,7 @@ def scan_lidar(
     measured = np.round(measured / RANGE_STEP) * RANGE_STEP
     byte = np.clip(np.round(byte * (1 + rng.normal(size=len(ray)) * 0.1 / np.sqrt(snr))), 0, 255)
 
-    in_global = position[ray] + _yawed(transform(believed, in_sensor[ray] * measured[:, None]), yaw[ray])
+    in_global = position[ray] + rotate_yaw(transform(believed, in_sensor[ray] * measured[:, None]), yaw[ray])
     points = transform(invert(scene.ego.pose(t_end) @ believed), in_global)
     return LidarSweep(
         points=points.astype(np.float32),
@@ -140,9 +140,3 @@ def surface_returns(scene: Scene, hits: Hits, rays: Rays, *, max_range: float) -
     # The byte is calibrated for range, not for weather; it keeps some of the incidence angle.
     byte = np.where(reflectivity < RETRO, 100.0, 255.0) * reflectivity * np.sqrt(cosine) * transmission
     return Returns(ray, distance, snr, byte, hits.body[ray])
-
-
-def _yawed(v: NDArray, yaw: NDArray) -> NDArray[np.float64]:
-    """Ego-axes vectors (N, 3) in global axes at headings (N,)."""
-    cos, sin = np.cos(yaw), np.sin(yaw)
-    return np.stack([cos * v[:, 0] - sin * v[:, 1], sin * v[:, 0] + cos * v[:, 1], v[:, 2]], axis=1)

@@ -3,19 +3,10 @@
 import numpy as np
 
 from data_gen.jobs.jit import jit
-from data_gen.scene.noise import band, lattice, octave2
+from data_gen.scene.noise import band, lattice, mix, octave2
+from data_gen.world.buildings import BAY, STOREY
 
-BAY = 2.8
-"""Width of a bay in metres. Houses stand on a grid of it, so that a front begins and ends with a whole one."""
-STOREY = 3.2
 _ONCE = 1e3  # a period that never comes round
-
-
-@jit
-def _mix(out, share, r, g, b):
-    out[0] += share * (r - out[0])
-    out[1] += share * (g - out[1])
-    out[2] += share * (b - out[2])
 
 
 @jit
@@ -31,7 +22,7 @@ def _shop(u, v, footprint, style, out):
     glass = front * band(v, _ONCE, 0.45, 2.0, footprint)
     sign = band(v, _ONCE, 2.6, 0.5, footprint)
     tint = lattice(style, int(np.floor(u / (3 * BAY))), 3)  # a shop takes three bays
-    _mix(out, sign, 0.05 + 0.6 * tint, 0.08 + 0.5 * abs(0.6 - tint), 0.08 + 0.5 * (1 - tint))
+    mix(out, sign, 0.05 + 0.6 * tint, 0.08 + 0.5 * abs(0.6 - tint), 0.08 + 0.5 * (1 - tint))
     letter = int(np.floor(u / 0.34))
     inked = lattice(letter, style, 5) < 0.72 and 0.12 < (u / (3 * BAY)) % 1.0 < 0.80
     if inked:
@@ -39,7 +30,7 @@ def _shop(u, v, footprint, style, out):
         hole = band(u, 0.34, 0.12, 0.10, footprint) * band(
             v, _ONCE, 2.76 + 0.09 * lattice(letter, style, 6), 0.08, footprint
         )
-        _mix(out, part - hole, 0.75, 0.74, 0.70)
+        mix(out, part - hole, 0.75, 0.74, 0.70)
     return glass
 
 
@@ -51,8 +42,8 @@ def _door(u, v, footprint, style, out):
     leaf = band(u, BAY, 0.85, 1.1, footprint) * band(v, _ONCE, 0.05, 2.2, footprint)
     around = band(u, BAY, 0.73, 1.34, footprint) * band(v, _ONCE, 0.0, 2.37, footprint) - leaf
     pick = lattice(style, 0, 8)
-    _mix(out, around, 0.45, 0.44, 0.42)
-    _mix(out, leaf, 0.04 + 0.20 * (pick > 0.66), 0.05 + 0.09 * (0.33 < pick < 0.66), 0.04 + 0.05 * pick)
+    mix(out, around, 0.45, 0.44, 0.42)
+    mix(out, leaf, 0.04 + 0.20 * (pick > 0.66), 0.05 + 0.09 * (0.33 < pick < 0.66), 0.04 + 0.05 * pick)
     return True
 
 
@@ -83,20 +74,20 @@ def facade(u, v, footprint, rgb, out, night):
         glass = _window(u, v, sill, width, height, footprint)
         frame = _window(u, v, sill - 0.09, width + 0.18, height + 0.18, footprint) - glass
         pale = 0.62 if lattice(style, 6, 11) < 0.7 else 0.10
-        _mix(out, min(frame, 1.0), pale, pale, pale * 0.96)
+        mix(out, min(frame, 1.0), pale, pale, pale * 0.96)
         if not modern and lattice(style, 7, 11) < 0.28:
             shutter = _window(u, v, sill, width + 0.9, height, footprint) - _window(
                 u, v, sill, width + 0.1, height, footprint
             )
             tint = lattice(style, 8, 11)
-            _mix(out, max(shutter, 0.0), 0.05 + 0.14 * tint, 0.12 - 0.05 * tint, 0.05)
-        _mix(out, 0.7 * band(u, BAY, BAY / 2 - 0.03, 0.06, footprint) * glass, pale, pale, pale)
+            mix(out, max(shutter, 0.0), 0.05 + 0.14 * tint, 0.12 - 0.05 * tint, 0.05)
+        mix(out, 0.7 * band(u, BAY, BAY / 2 - 0.03, 0.06, footprint) * glass, pale, pale, pale)
         drawn = lattice(column, storey, 71)  # how far the blind is down
         top = sill + height
         blind = glass * (band(v, STOREY, top - drawn * height, drawn * height, footprint) if drawn > 0.66 else 0.0)
         blind = min(blind, glass)
-    _mix(out, glass - blind, 0.025, 0.032, 0.04)
-    _mix(out, blind, 0.42, 0.40, 0.36)
+    mix(out, glass - blind, 0.025, 0.032, 0.04)
+    mix(out, blind, 0.42, 0.40, 0.36)
     out[3] = max(out[3], 0.45 * (glass - blind))
     if night and lattice(column, storey, 74) < (0.6 if storey == 0 else 0.3):
         out[4] = max(out[4], lit * glass)

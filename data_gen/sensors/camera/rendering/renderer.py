@@ -99,12 +99,6 @@ class Renderer:
         """Which hits (N,) are on the ground."""
         return (hits.body == WORLD) & (hits.face < self.scene.ground_faces)
 
-    def mirrored(self, rays: NDArray[np.float32], hits: Hits, shape: tuple[int, int]) -> NDArray[np.float32]:
-        """What a wet ground mirrors to the rays (N, 3) of a whole picture of ``shape``; (0, 3) where the ground is dry."""
-        if not self.is_wet:
-            return np.zeros((0, 3), np.float32)
-        return wet_road.mirror_image(self, rays, hits, np.flatnonzero(self.on_ground(hits)), shape)
-
     def luminance(
         self,
         rays: NDArray[np.float32],
@@ -115,7 +109,7 @@ class Renderer:
         span: float,
     ) -> NDArray[np.float32]:
         """Luminance (N, 3) in cd/m^2 along the rays. ``open_sky`` (N,) share of the sky that the ground sees there; ``mirror``
-        as from :meth:`mirrored`; ``span`` the part of a pixel that a ray stands for."""
+        as from ``reflections.mirror_image``; ``span`` the part of a pixel that a ray stands for."""
         colors = self.paint(rays, hits, span)
         if self.is_wet:
             wet_road.soak(self.scene, hits, np.flatnonzero(self.on_ground(hits)), colors)

@@ -8,19 +8,12 @@ import numpy as np
 
 from data_gen.assets.shapes.mesh import TEXTURES
 from data_gen.jobs.jit import jit
-from data_gen.scene.noise import band, lattice, octave2, octave3, ramp
+from data_gen.scene.noise import band, lattice, mix, octave2, octave3, ramp
 from data_gen.sensors.camera.rendering.facades import facade
 from data_gen.sensors.camera.rendering.ground_color import ground_colors, is_level_ground
 
 (_PLAIN, _ASPHALT, _GRASS, _CONCRETE, _BRICK, _FACADE, _FOLIAGE, _HOARDING, _METAL, _FABRIC, _WOOD, _SLABS, _PAINT,
  _GRAVEL, _LACQUER, _TILES) = range(len(TEXTURES))  # fmt: skip
-
-
-@jit
-def _mix(out, share, r, g, b):
-    out[0] += share * (r - out[0])
-    out[1] += share * (g - out[1])
-    out[2] += share * (b - out[2])
 
 
 @jit
@@ -46,9 +39,9 @@ def _grass(x, y, footprint, out):
     gain = 1 + 0.25 * tone + 0.34 * tuft + 0.34 * blade
     out[0] *= 1 + 0.45 * tone
     out[2] *= 1 - 0.20 * tone
-    _mix(out, 0.7 * ramp(0.45, 0.8, -tone + 0.3 * tuft), 0.17, 0.12, 0.07)
+    mix(out, 0.7 * ramp(0.45, 0.8, -tone + 0.3 * tuft), 0.17, 0.12, 0.07)
     if footprint < 0.08 and lattice(int(np.floor(x / 0.12)), int(np.floor(y / 0.12)), 25) < 0.004 * (1 + tone):
-        _mix(out, 1 - footprint / 0.08, 0.62, 0.58, 0.30 * tone + 0.25)
+        mix(out, 1 - footprint / 0.08, 0.62, 0.58, 0.30 * tone + 0.25)
     return gain
 
 
@@ -69,7 +62,7 @@ def _brick(u, v, footprint, out):
     shifted = u + 0.13 * (row % 2)
     mortar = 1 - band(shifted, 0.26, 0.0, 0.245, footprint) * band(v, 0.09, 0.0, 0.078, footprint)
     tint = lattice(int(np.floor(shifted / 0.26)), row, 41) - 0.5
-    _mix(out, mortar, 0.42, 0.42, 0.42)
+    mix(out, mortar, 0.42, 0.42, 0.42)
     return 1 + 0.5 * tint * max(0.0, 1 - footprint / 0.25) + 0.10 * octave2(u, v, 2.0, footprint, 42)
 
 
@@ -104,7 +97,7 @@ def _lacquer(x, y, z, footprint, rgb, out):
     reach = 0.5 + 0.9 * dirty * dirty
     dirt = ramp(reach, 0.1, z) * (0.6 + 0.4 * octave3(x, y, z, 0.45, footprint, 95)) + 0.16 * dirty * dirty
     dirt = min(max(dirt, 0.0), 0.8)
-    _mix(out, dirt, 0.14, 0.12, 0.095)
+    mix(out, dirt, 0.14, 0.12, 0.095)
     out[3] *= 1 - 0.9 * dirt
 
 
@@ -113,7 +106,7 @@ def _worn_paint(x, y, footprint, out):
     """Lane paint that has chipped where wheels cross it."""
     wear = 0.35 * octave2(x, y, 6.0, footprint, 96)
     chip = octave2(x, y, 0.05, footprint, 97) + 0.6 * octave2(x, y, 0.22, footprint, 98)
-    _mix(out, 0.8 * ramp(0.45, 0.75, chip + wear), 0.13, 0.13, 0.135)
+    mix(out, 0.8 * ramp(0.45, 0.75, chip + wear), 0.13, 0.13, 0.135)
     return 1 + 0.5 * min(wear, 0.0) + 0.05 * chip
 
 

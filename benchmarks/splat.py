@@ -37,7 +37,7 @@ def scatter_add(features: Tensor, probability: Tensor, cell: Tensor, kept: Tenso
 
 def cumsum_trick(features: Tensor, probability: Tensor, cell: Tensor, kept: Tensor, index: SplatIndex) -> Tensor:
     """Outer product, sort by cell, running sum, differences at the ends of the cells (Philion & Fidler 2020)."""
-    lifted, ordered = _lifted(features, probability, kept)[index.forward.order], cell[index.forward.order]
+    lifted, ordered = _lifted(features, probability, kept)[index.by_cell.order], cell[index.by_cell.order]
     total, last = lifted.cumsum(0), torch.ones(len(ordered), dtype=torch.bool)
     last[:-1] = ordered[1:] != ordered[:-1]
     total = total[last]

@@ -25,12 +25,11 @@ GREY = np.array([0.299, 0.587, 0.114])
 @dataclass(frozen=True, kw_only=True)
 class Augment:
     """What is drawn for a sample. ``rotation_deg``: heading within +-; ``scale``: size within 1 +-; ``flip_y``
-    mirrors left and right, ``flip_x`` ahead and behind, each in half of the samples. ``brightness``, ``contrast``,
-    ``saturation``: factors within 1 +-, one draw for all cameras of the sample."""
+    mirrors left and right in half of the samples. ``brightness``, ``contrast``, ``saturation``: factors within 1 +-, one
+    draw for all cameras of the sample."""
 
     rotation_deg: float = 0.0
     scale: float = 0.0
-    flip_x: bool = False
     flip_y: bool = False
     brightness: float = 0.0
     contrast: float = 0.0
@@ -48,8 +47,8 @@ class Augment:
     def draw_view(self, rng: np.random.Generator) -> NDArray[np.float64]:
         """``new_T_ego`` (4, 4)."""
         turn, size = rng.uniform(-1, 1, 2) * (np.radians(self.rotation_deg), self.scale)
-        mirror = np.where((rng.random(2) < 0.5) & (self.flip_x, self.flip_y), -1.0, 1.0)
-        return from_yaw(turn) @ np.diag([*(mirror * (1 + size)), 1 + size, 1.0])
+        mirror = -1.0 if rng.random() < 0.5 and self.flip_y else 1.0
+        return from_yaw(turn) @ np.diag([1 + size, mirror * (1 + size), 1 + size, 1.0])
 
     def draw_colors(self, rng: np.random.Generator) -> NDArray[np.float64]:
         """(3, 4) from (R, G, B, 1) in 0..255 to the new RGB."""

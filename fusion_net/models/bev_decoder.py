@@ -1,4 +1,4 @@
-"""Context in the bird's-eye view: a small U-Net, since an object is more than the cell of its centre."""
+"""Context in the bird's-eye view: a small U-Net, since an object covers more than the cell of its centre."""
 
 from beartype import beartype
 from torch import Tensor, nn
@@ -8,19 +8,19 @@ from fusion_net.models.layers import ConvBlock, ResidualBlock, UpBlock
 
 @beartype
 class BEVDecoder(nn.Module):
-    """(B, inputs, Y, X) to (B, outputs, Y, X) by way of half and quarter resolution.
+    """(B, channels, Y, X) to the same shape by way of half and quarter resolution, ``half`` and ``quarter`` channels wide.
 
     On two cores these convolutions are most of a training step, and one at full resolution costs four at half, so the
-    width grows only below it.
+    width grows only below full resolution.
     """
 
-    def __init__(self, *, inputs: int = 32, half: int = 96, quarter: int = 96, outputs: int = 32) -> None:
+    def __init__(self, *, channels: int, half: int, quarter: int) -> None:
         super().__init__()
-        self.fine = ConvBlock(inputs, outputs)
-        self.middle = nn.Sequential(ConvBlock(outputs, half, stride=2), ResidualBlock(half))
+        self.fine = ConvBlock(channels, channels)
+        self.middle = nn.Sequential(ConvBlock(channels, half, stride=2), ResidualBlock(half))
         self.coarse = nn.Sequential(ConvBlock(half, quarter, stride=2), ResidualBlock(quarter), ResidualBlock(quarter))
         self.to_middle = UpBlock(deep=quarter, shallow=half, outputs=half)
-        self.to_fine = UpBlock(deep=half, shallow=outputs, outputs=outputs)
+        self.to_fine = UpBlock(deep=half, shallow=channels, outputs=channels)
 
     def forward(self, fused: Tensor) -> Tensor:
         """Fused map in, decoded map of the same resolution out."""

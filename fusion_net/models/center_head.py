@@ -1,4 +1,4 @@
-"""Objects as points (CenterPoint, Yin et al. 2021): a heat map a class, and the box regressed at its peaks."""
+"""Objects as points (CenterPoint, Yin et al. 2021): one heat map per class, and a box regressed at each peak."""
 
 import math
 
@@ -10,32 +10,18 @@ from torch import Tensor, nn
 
 from fusion_net.common.bev_grid import BEVGrid
 from fusion_net.common.boxes import CLASSES, Boxes
-from fusion_net.models.layers import ConvBlock
+from fusion_net.models.layers import PRIOR_LOGIT, ConvBlock
 
 REGRESSIONS = {"offset": 2, "height": 1, "size": 3, "rot": 2, "velocity": 2, "log_variance": 2}
 """Channels of each map: metres from the cell's centre, z in m, log of w l h, sin and cos of yaw, m/s, log of m^2."""
 
-NMS_RADIUS = {
-    "car": 2.0,
-    "truck": 3.5,
-    "bus": 3.2,
-    "trailer": 3.2,
-    "construction_vehicle": 3.5,
-    "pedestrian": 0.4,
-    "motorcycle": 0.9,
-    "bicycle": 0.9,
-    "traffic_cone": 0.4,
-    "barrier": 1.0,
-}
-"""Metres within which a second centre of the same class is the same object; the square roots of CenterPoint's table,
-which compares squared distances."""
-
-PRIOR = -2.19  # logit of 0.1: nearly all cells are empty, and the focal loss starts where it should
-
 
 @beartype
 class CenterHead(nn.Module):
-    """(B, inputs, Y, X) to maps: "heatmap" logits (B, K, Y, X) and REGRESSIONS; ``decode`` turns maps into boxes."""
+    """(B, channels, Y, X) to maps: "heatmap" logits (B, K, Y, X) and REGRESSIONS; ``decode`` turns maps into boxes.
+
+    ``nms_radius``: metres, by class, within which a second centre of the same class is taken for the same object.
+    """
 
     radius: Tensor  # (K,) metres
     centers: Tensor  # (2, Y, X) metres
@@ -45,11 +31,11 @@ class CenterHead(nn.Module):
         *,
         grid: BEVGrid,
         classes: list[str],
-        inputs: int = 32,
-        hidden: int = 48,
-        max_boxes: int = 100,
-        min_score: float = 0.0,
-        nms_radius: dict[str, float] = NMS_RADIUS,
+        channels: int,
+        hidden: int,
+        max_boxes: int,
+        min_score: float,
+        nms_radius: dict[str, float],
     ) -> None:
         super().__init__()
         unknown = [name for name in classes if name not in CLASSES]
@@ -57,10 +43,12 @@ class CenterHead(nn.Module):
             raise ValueError(
                 f"center head: classes {unknown or classes} are not detection classes; choose from {CLASSES}"
             )
+        if missing := [name for name in classes if name not in nms_radius]:
+            raise ValueError(f"center head: nms_radius has no value for {', '.join(missing)}")
         self.grid, self.max_boxes, self.min_score = grid, max_boxes, min_score
-        self.heatmap = nn.Sequential(ConvBlock(inputs, hidden), nn.Conv2d(hidden, len(classes), 1))
-        self.box = nn.Sequential(ConvBlock(inputs, hidden), nn.Conv2d(hidden, sum(REGRESSIONS.values()), 1))
-        nn.init.constant_(self.heatmap[1].get_parameter("bias"), PRIOR)
+        self.heatmap = nn.Sequential(ConvBlock(channels, hidden), nn.Conv2d(hidden, len(classes), 1))
+        self.box = nn.Sequential(ConvBlock(channels, hidden), nn.Conv2d(hidden, sum(REGRESSIONS.values()), 1))
+        nn.init.constant_(self.heatmap[1].get_parameter("bias"), PRIOR_LOGIT)
         radius = torch.tensor([nms_radius[name] for name in classes])
         self.register_buffer("radius", radius, persistent=False)
         self.register_buffer("centers", grid.centers().float().permute(2, 0, 1), persistent=False)
@@ -90,15 +78,15 @@ class CenterHead(nn.Module):
         return [_boxes(*(x[b][kept[b].cpu().numpy()] for x in arrays)) for b in range(len(heat))]
 
     def _unique(self, xy: Tensor, label: Tensor) -> Tensor:
-        """Greedy circle NMS over candidates (B, K) that are sorted by score: nobody better of the class is near.
+        """Greedy circle NMS over candidates (B, K) sorted by score: True where no better kept one of the class is near.
 
         The loop is over ranks, for all samples at once.
         """
         near = torch.cdist(xy, xy) < self.radius[label][..., None]
-        rivals = near & (label[..., None] == label[:, None])  # (B, K, K)
+        same_object = near & (label[..., None] == label[:, None])  # (B, K, K)
         kept = torch.ones_like(label, dtype=torch.bool)
         for rank in range(1, label.shape[1]):
-            kept[:, rank] = ~(rivals[:, rank, :rank] & kept[:, :rank]).any(dim=1)
+            kept[:, rank] = ~(same_object[:, rank, :rank] & kept[:, :rank]).any(dim=1)
         return kept
 
 

@@ -1,4 +1,4 @@
-"""Depth along a camera's optical axis, cut into bins."""
+"""Depth along a camera's optical axis, divided into bins."""
 
 import math
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ class DepthBins:
     low: float
     high: float
     count: int
-    spacing: Literal["linear", "log"] = "linear"
+    spacing: Literal["linear", "log"]
 
     def __post_init__(self) -> None:
         if not (0 < self.low < self.high and self.count >= 1):
@@ -33,7 +33,7 @@ class DepthBins:
         return (depth - self.low) * (self.count / (self.high - self.low))
 
     def index(self, depth: Tensor) -> Tensor:
-        """Bin (int64) of each depth; -1 outside [low, high), so also for 0, the mark of "no return"."""
+        """Bin (int64) of each depth; -1 outside [low, high), so also for 0, which marks "no return"."""
         bins = torch.floor(self.coordinate(depth))
         return torch.where((bins >= 0) & (bins < self.count), bins, -1.0).long()
 

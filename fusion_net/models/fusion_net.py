@@ -1,6 +1,6 @@
 """The detector, as the picture in the README: encoders, one bird's-eye view, a fuser, a decoder, a head."""
 
-from dataclasses import dataclass
+from dataclasses import replace
 
 import torch
 from beartype import beartype
@@ -9,74 +9,72 @@ from torch import Tensor, nn
 from fusion_net.common.bev_grid import BEVGrid
 from fusion_net.common.boxes import Boxes
 from fusion_net.data.batch import MODALITIES, Batch
-from fusion_net.models.camera_encoder import CameraEncoder, Perception
+from fusion_net.models.camera_encoder import CameraEncoder
 from fusion_net.models.center_head import CenterHead
 from fusion_net.models.fuser import AverageFuser, ConcatFuser
 from fusion_net.models.losses import DetectionLoss
-
-
-@dataclass(frozen=True)
-class Outputs:
-    """Maps of the head (see ``center_head.REGRESSIONS``) and, if the camera was looked at, its image plane."""
-
-    maps: dict[str, Tensor]
-    camera: Perception | None = None
+from fusion_net.models.outputs import Encoded, Outputs
 
 
 @beartype
 class FusionNet(nn.Module):
-    """Mid-level fusion. ``encoders``: by the names of MODALITIES; ``modalities`` keeps some of them (default: all)."""
+    """Mid-level fusion. ``encoders``: by the names of MODALITIES; ``modalities`` keeps some of them.
+
+    All BEV maps between the parts have ``bev_channels`` channels.
+    """
 
     def __init__(
         self,
         *,
         grid: BEVGrid,
+        bev_channels: int,
+        modalities: list[str],
         encoders: dict[str, nn.Module],
         fuser: ConcatFuser | AverageFuser,
         decoder: nn.Module,
         head: CenterHead,
         losses: DetectionLoss,
-        modalities: list[str] | None = None,
     ) -> None:
         super().__init__()
-        names = list(encoders) if modalities is None else modalities
-        for name in names:
+        for name in modalities:
             if name not in encoders or name not in MODALITIES:
                 raise ValueError(f"fusion net: no encoder for {name!r}; this model has {', '.join(encoders)}")
-            if fuser.channels.get(name) != encoders[name].channels:
-                raise ValueError(
-                    f"fusion net: the {name} encoder makes {encoders[name].channels} channels,"
-                    f" the fuser expects {fuser.channels.get(name)}"
-                )
-        self.grid = grid
-        self.encoders = nn.ModuleDict({name: encoders[name] for name in MODALITIES if name in names})
+        parts = {f"{name} encoder": encoders[name] for name in modalities} | {"fuser": fuser}
+        for name, part in parts.items():
+            if part.channels != bev_channels:
+                raise ValueError(f"fusion net: the {name} has {part.channels} channels, bev_channels is {bev_channels}")
+        self.grid, self.bev_channels = grid, bev_channels
+        self.encoders = nn.ModuleDict({name: encoders[name] for name in MODALITIES if name in modalities})
         self.fuser, self.decoder, self.head, self.losses = fuser, decoder, head, losses
         self.columns = [MODALITIES.index(name) for name in self.encoders]
         self.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
 
     def forward(self, batch: Batch, present: Tensor | None = None) -> Outputs:
         """Maps of a batch. ``present`` (B, M) overrules the batch's: modality dropout, or a row of the drop table."""
-        present = (batch.present if present is None else present)[:, self.columns]
-        bev, camera = {}, None
-        for i, (name, encoder) in enumerate(self.encoders.items()):
-            if not present[:, i].any():  # the time saved is part of the drop table
-                bev[name] = torch.zeros(batch.size, self.fuser.channels[name], *self.grid.shape, device=present.device)
-            elif name == "camera":
-                bev[name], camera = encoder(batch)
-            else:
-                bev[name] = encoder(batch)
-        fused = self.fuser(bev, present)
-        return Outputs(maps=self.head(self.decoder(fused)), camera=camera)
+        batch = batch if present is None else replace(batch, present=present)
+        present = batch.present[:, self.columns]
+        encoded = {
+            name: encoder(batch) if present[:, i].any() else self._absent(batch)
+            for i, (name, encoder) in enumerate(self.encoders.items())
+        }
+        fused = self.fuser({name: x.bev for name, x in encoded.items()}, present)
+        maps = self.head(self.decoder(fused))
+        return Outputs(maps, image=next((x.image for x in encoded.values() if x.image is not None), None))
+
+    def _absent(self, batch: Batch) -> Encoded:
+        """In place of a sensor that no sample of the batch has: the encoder's time is saved, as the drop table shows."""
+        shape = (batch.size, self.bev_channels, *self.grid.shape)
+        return Encoded(torch.zeros(shape, device=batch.present.device))
 
     def loss(self, outputs: Outputs, batch: Batch) -> dict[str, Tensor]:
         """Scalars by name, already weighted; "loss" is their sum."""
-        return self.losses(outputs.maps, outputs.camera, batch)
+        return self.losses(outputs, batch)
 
     def camera_loss(self, batch: Batch) -> dict[str, Tensor]:
-        """The camera's dense losses alone, at a third of a step's cost: for the minutes before fusion begins."""
+        """The camera's dense losses alone, at a third of a step's cost: for the stage before fusion."""
         camera = self.encoders["camera"]
         assert isinstance(camera, CameraEncoder)
-        return self.losses.total(self.losses.camera(camera.perceive(batch), batch))
+        return self.losses.total(self.losses.image_terms(camera.perceive(batch), batch))
 
     def decode(self, outputs: Outputs) -> list[Boxes]:
         """Boxes of each sample in the ego frame, best first."""

@@ -3,6 +3,9 @@
 import torch.nn.functional as F
 from torch import Tensor, nn
 
+PRIOR_LOGIT = -2.19
+"""Initial bias of class logits: a probability of 0.1. Nearly all cells are empty, and the focal loss starts low there."""
+
 
 class ConvBlock(nn.Sequential):
     """Convolution, batch norm, ReLU: (B, in, H, W) to (B, out, H / stride, W / stride)."""

@@ -1,4 +1,4 @@
-"""A point cloud to a bird's-eye view: dynamic pillars without a cap (Lang et al. 2019; Zhou et al. 2020)."""
+"""A point cloud to a bird's-eye view: dynamic pillars, no point is dropped (Lang et al. 2019; Zhou et al. 2020)."""
 
 import torch
 import torch.nn.functional as F
@@ -9,13 +9,14 @@ from fusion_net.common.bev_grid import BEVGrid
 from fusion_net.data.batch import LIDAR_CHANNELS, Batch
 from fusion_net.models.layers import ConvBlock
 from fusion_net.models.lift_splat import to_map
+from fusion_net.models.outputs import Encoded
 
 
 class _SegmentMax(torch.autograd.Function):
-    """Maximum of non-negative rows (P, C) over segments; the gradient goes to all rows that equal it.
+    """Maximum of non-negative rows (P, C) over segments; every row that equals it gets the whole gradient.
 
-    The backward of ``scatter_reduce`` shares it between ties by counting them, which costs as much again. After a
-    ReLU the frequent tie is at 0, where it is stopped anyway.
+    The backward of ``scatter_reduce`` divides the gradient among ties by counting them, which costs as much again. After a
+    ReLU the frequent tie is at 0, where the gradient stops anyway.
     """
 
     @staticmethod
@@ -34,15 +35,13 @@ class _SegmentMax(torch.autograd.Function):
 
 @beartype
 class LidarEncoder(nn.Module):
-    """LiDAR branch: ``forward(batch)`` gives (B, channels, Y, X); an empty cloud gives a constant map.
+    """LiDAR branch: ``forward(batch)`` gives a map (B, channels, Y, X); an empty point cloud gives a constant map.
 
     ``pillar`` is the pillar's side in metres: the grid's cell, a half or a quarter. ``extra_channels`` counts columns
     that follow LIDAR_CHANNELS (painted class scores).
     """
 
-    def __init__(
-        self, *, grid: BEVGrid, channels: int = 32, pillar: float = 0.4, features: int = 32, extra_channels: int = 0
-    ) -> None:
+    def __init__(self, *, grid: BEVGrid, channels: int, pillar: float, features: int, extra_channels: int) -> None:
         super().__init__()
         ratio = round(grid.cell / pillar)
         if ratio not in (1, 2, 4) or abs(ratio * pillar - grid.cell) > 1e-6:
@@ -56,12 +55,12 @@ class LidarEncoder(nn.Module):
         steps = [ConvBlock(features, features, stride=2) for _ in range(ratio.bit_length() - 1)]
         self.convs = nn.Sequential(*steps, ConvBlock(features, channels))
 
-    def forward(self, batch: Batch) -> Tensor:
-        """(B, channels, Y, X)."""
-        return self.encode(batch.lidar_points, batch.lidar_batch, batch.size)
+    def forward(self, batch: Batch) -> Encoded:
+        """The map (B, channels, Y, X)."""
+        return Encoded(self.encode(batch.lidar_points, batch.lidar_batch, batch.size))
 
     def encode(self, points: Tensor, sample: Tensor, size: int) -> Tensor:
-        """The same from points (P, 5 + extra) and the sample (P,) of each."""
+        """The map from points (P, 5 + extra_channels) and the index (P,) of each point's sample among ``size``."""
         rows, columns = self.pillars.shape
         row, column, inside = self.pillars.rows_columns(points[:, :2])
         kept = inside.nonzero()[:, 0]
@@ -70,7 +69,7 @@ class LidarEncoder(nn.Module):
         occupied, segment = torch.unique(pillar, return_inverse=True)
         features = F.relu(self.point(self._decorate(points, row, column, segment, len(occupied)))).float()
         top = _SegmentMax.apply(features, segment, len(occupied))
-        # Norm over the occupied pillars only: they are few, and the empty ones say nothing about the scale.
+        # Batch norm over the occupied pillars only: the many empty ones say nothing about the scale.
         top = self.norm(top) if len(occupied) > 1 or not self.training else top
         top = top.to(torch.get_autocast_dtype(top.device.type)) if torch.is_autocast_enabled(top.device.type) else top
         canvas = top.new_zeros(size * rows * columns, top.shape[1]).index_copy(0, occupied, top)

@@ -1,9 +1,10 @@
-"""From image features and depth distributions to a bird's-eye view, as one sparse product.
+"""View transforms: image features and depth distributions to a bird's-eye view, as one sparse matrix product.
 
 Lift-splat (Philion & Fidler 2020) places every pixel's feature at every depth along its ray, weighted by the depth's
 probability, and sums what falls into a cell. That is ``bev = S @ features`` with a sparse cells x pixels matrix S whose
-entries are probabilities: the outer product pixels x depths x channels never has to exist. ``embedding_bag`` is that
-product; its gradient to the features is the transposed one, its gradient to the entries a dot product each.
+entries are probabilities: the outer product pixels x depths x channels (the frustum features) is never materialized.
+``embedding_bag`` is that product over compressed sparse rows (CSR). Its gradient with respect to the features is the
+transposed product, and with respect to each entry of S a dot product.
 """
 
 from dataclasses import dataclass
@@ -18,45 +19,49 @@ from fusion_net.models.depth_bins import DepthBins
 
 
 @dataclass(frozen=True)
-class Walk:
-    """The entries of S in the order of their rows (or columns). ``order`` is None where they are stored in that order."""
+class SparseRows:
+    """The pattern of a sparse matrix with E entries in compressed sparse row (CSR) form; the values are kept apart.
+
+    ``order`` sorts the values by row; it is None where they are stored in that order.
+    """
 
     order: Tensor | None  # (E,)
-    other: Tensor  # (E,) int32: in this order, the pixel of each entry of a cell (or the cell of each of a pixel)
-    starts: Tensor  # (cells,) or (pixels,) int32: where each one's entries begin
+    columns: Tensor  # (E,) int32, sorted by row
+    row_starts: Tensor  # (rows,) int32: the first entry of each row
 
     @staticmethod
-    def along(key: Tensor, other: Tensor, count: int) -> "Walk":
-        """By ascending ``key`` in [0, count)."""
+    def of(row: Tensor, column: Tensor, *, rows: int) -> "SparseRows":
+        """From the row in [0, rows) and the column of each entry (E,), in any order."""
         order = None
-        if not (key[1:] >= key[:-1]).all():
-            key, order = torch.sort(key, stable=True)
-            other = other.index_select(0, order)
-        many = torch.bincount(key, minlength=count)
-        return Walk(order, other, (many.cumsum(0) - many).int())
+        if not (row[1:] >= row[:-1]).all():
+            row, order = torch.sort(row, stable=True)
+            column = column.index_select(0, order)
+        counts = torch.bincount(row, minlength=rows)
+        return SparseRows(order, column, (counts.cumsum(0) - counts).int())
 
-    def product(self, table: Tensor, weights: Tensor) -> Tensor:
-        """For each row of S the weighted sum of the rows of ``table`` that it names."""
-        if not len(self.other):
-            return table.new_zeros(len(self.starts), table.shape[1])
-        weights = weights if self.order is None else weights.index_select(0, self.order)
-        return F.embedding_bag(self.other, table, self.starts, mode="sum", per_sample_weights=weights)
+    def product(self, values: Tensor, dense: Tensor) -> Tensor:
+        """The matrix with ``values`` (E,) times ``dense`` (columns, C): (rows, C)."""
+        if not len(self.columns):
+            return dense.new_zeros(len(self.row_starts), dense.shape[1])
+        values = values if self.order is None else values.index_select(0, self.order)
+        return F.embedding_bag(self.columns, dense, self.row_starts, mode="sum", per_sample_weights=values)
 
 
 @dataclass(frozen=True)
 class SplatIndex:
-    """The pattern of S: entry e joins pixel ``pixel[e]`` to cell ``cell[e]``; ``forward`` and ``backward`` walk it."""
+    """The pattern of S (cells x pixels): entry e is in row ``cell[e]`` and column ``pixel[e]``."""
 
     pixel: Tensor  # (E,) int32
     cell: Tensor  # (E,) int32
-    forward: Walk
-    backward: Walk
+    by_cell: SparseRows  # S, for the forward pass
+    by_pixel: SparseRows  # S transposed, for the gradient of the features
 
     @staticmethod
     def of(pixel: Tensor, cell: Tensor, *, pixels: int, cells: int) -> "SplatIndex":
-        """From the two ends of each entry, integers (E,) in any order; E may be 0."""
+        """From the pixel and the cell of each entry, integers (E,) in any order; E may be 0."""
         pixel, cell = pixel.int(), cell.int()
-        return SplatIndex(pixel, cell, Walk.along(cell, pixel, cells), Walk.along(pixel, cell, pixels))
+        by_cell, by_pixel = SparseRows.of(cell, pixel, rows=cells), SparseRows.of(pixel, cell, rows=pixels)
+        return SplatIndex(pixel, cell, by_cell, by_pixel)
 
 
 class _Splat(torch.autograd.Function):
@@ -64,7 +69,7 @@ class _Splat(torch.autograd.Function):
     def forward(ctx, features: Tensor, weights: Tensor, index: SplatIndex) -> Tensor:
         ctx.save_for_backward(features, weights)
         ctx.index = index
-        return index.forward.product(features, weights)
+        return index.by_cell.product(weights, features)
 
     @staticmethod
     def backward(ctx, *grads: Tensor) -> tuple[Tensor | None, Tensor | None, None]:
@@ -72,13 +77,14 @@ class _Splat(torch.autograd.Function):
         index, grad = ctx.index, grads[0].contiguous()
         grad_features = grad_weights = None
         if ctx.needs_input_grad[0]:
-            grad_features = index.backward.product(grad, weights)
+            grad_features = index.by_pixel.product(weights, grad)
         if ctx.needs_input_grad[1]:
-            # d bev / d weight is the feature: a dot product an entry. Our pixels play the operator's bags and the
-            # gradient of the view its table, so that push's entries, stored by pixel, are walked in memory's order.
-            none = index.pixel.new_empty(0)
-            dots = torch.ops.aten._embedding_bag_per_sample_weights_backward
-            grad_weights = dots(features, grad, index.cell, none, index.pixel, 0)
+            # The gradient of an entry is the dot product of its pixel's feature with its cell's gradient. Pixels take the
+            # part of the operator's bags and the BEV gradient that of its table, so that the entries of LiftSplat, which
+            # are stored by pixel, are read in memory order.
+            no_offsets = index.pixel.new_empty(0)
+            dot_products = torch.ops.aten._embedding_bag_per_sample_weights_backward
+            grad_weights = dot_products(features, grad, index.cell, no_offsets, index.pixel, 0)
         return grad_features, grad_weights, None
 
 
@@ -118,37 +124,34 @@ def to_map(cells: Tensor, batch: int, grid: BEVGrid) -> Tensor:
     return cells.view(batch, *grid.shape, -1).permute(0, 3, 1, 2)
 
 
-class _View(nn.Module):
-    """What both view transforms share: the grid, the bins, and one remembered geometry.
+class ViewTransform(nn.Module):
+    """What all view transforms have in common: the grid, the depth bins, and the geometry of the last calibration.
 
-    The key is the calibration itself, to the last bit, so that a perturbed calibration never meets a stale geometry.
+    The cache key is the calibration itself, to the last bit, so that a perturbed calibration never meets a stale geometry.
     """
 
-    layers = 1
+    num_heights = 1  # height layers stacked in the channels of the map
 
     def __init__(self, *, grid: BEVGrid, bins: DepthBins, stride: int) -> None:
         super().__init__()
         self.grid, self.bins, self.stride = grid, bins, stride
-        self._remembered: tuple = (None, None)
+        self._cached: tuple = (None, None)
 
     def _geometry(self, cam_K: Tensor, ego_T_cam: Tensor, size: tuple[int, int]) -> tuple:
         raise NotImplementedError
 
     def geometry(self, cam_K: Tensor, ego_T_cam: Tensor, size: torch.Size):
-        """Which pixels feed which cells for cameras (B, N) with (h, w) feature cells."""
+        """Which pixels contribute to which cells, for cameras (B, N) with (h, w) feature cells."""
         key = (cam_K.cpu().numpy().tobytes(), ego_T_cam.cpu().numpy().tobytes(), cam_K.shape[:2], size, cam_K.device)
-        if self._remembered[0] != key:
+        if self._cached[0] != key:
             with torch.no_grad(), torch.autocast(cam_K.device.type, enabled=False):
-                self._remembered = (key, self._geometry(cam_K.float(), ego_T_cam.float(), (size[0], size[1])))
-        return self._remembered[1]
+                self._cached = (key, self._geometry(cam_K.float(), ego_T_cam.float(), (size[0], size[1])))
+        return self._cached[1]
 
 
 @beartype
-class LiftSplat(_View):
-    """Push: every pixel cell gives its feature to the BEV cells along its ray, at the centres of the depth bins."""
-
-    def __init__(self, *, grid: BEVGrid, bins: DepthBins, stride: int = 8) -> None:
-        super().__init__(grid=grid, bins=bins, stride=stride)
+class LiftSplat(ViewTransform):
+    """Forward projection: every pixel's feature goes to the BEV cells along its ray, at the centres of the depth bins."""
 
     def _geometry(self, cam_K: Tensor, ego_T_cam: Tensor, size: tuple[int, int]) -> tuple[SplatIndex, Tensor]:
         depth = self.bins.centers().to(cam_K).expand(*cam_K.shape[:2], *size, -1)
@@ -168,25 +171,19 @@ class LiftSplat(_View):
 
 
 @beartype
-class PullLift(_View):
-    """Pull: every BEV cell, at a few heights, takes the features of the pixels where it is seen.
+class BackwardProjection(ViewTransform):
+    """Depth-weighted backward projection: every BEV cell, at a few ``heights`` (metres), samples the image features where
+    it projects to.
 
-    They are weighted bilinearly and by the probability, interpolated between bin centres, that the pixel's depth is the
-    cell's. No cell between two rays stays empty, and the near cells do not win by the number of rays that cross them.
+    The samples are bilinear, weighted by the probability, interpolated between bin centres, that the pixel's depth is
+    that of the cell. No cell between two rays stays empty, and near cells gain nothing from the many rays that cross them.
     """
 
     points: Tensor  # (Y * X * heights, 3) ego metres
 
-    def __init__(
-        self,
-        *,
-        grid: BEVGrid,
-        bins: DepthBins,
-        stride: int = 8,
-        heights: tuple[float, ...] | list[float] = (0.4, 1.1, 2.0),
-    ) -> None:
+    def __init__(self, *, grid: BEVGrid, bins: DepthBins, stride: int, heights: list[float]) -> None:
         super().__init__(grid=grid, bins=bins, stride=stride)
-        self.layers = len(heights)
+        self.num_heights = len(heights)
         xy = grid.centers().float()
         points = [torch.cat([xy, torch.full_like(xy[..., :1], height)], dim=-1) for height in heights]
         self.register_buffer("points", torch.stack(points, dim=-2).reshape(-1, 3), persistent=False)
@@ -197,42 +194,42 @@ class PullLift(_View):
         (batch, cameras), (height, width), count = cam_K.shape[:2], size, self.bins.count
         rotation, origin = ego_T_cam[..., :3, :3], ego_T_cam[..., :3, 3]
         # cam_K @ cam_R_ego @ (point - origin), with the points last so that the camera axes are contiguous planes
-        cam_R_ego = torch.linalg.inv(rotation)  # augmentation mirrors and scales, so it is no mere rotation
+        cam_R_ego = torch.linalg.inv(rotation)  # a general inverse: augmentation mirrors and scales
         projection = cam_K @ cam_R_ego
         offset = torch.einsum("bnij,bnj->bni", projection, origin)
         image = torch.einsum("bnij,pj->bnip", projection, self.points.to(cam_K)) - offset[..., None]
         depth = (cam_R_ego[..., 2, :] @ self.points.T.to(cam_K)) - (cam_R_ego[..., 2, :] * origin).sum(-1, keepdim=True)
         column = image[:, :, 0] / depth / self.stride - 0.5
         row = image[:, :, 1] / depth / self.stride - 0.5
-        plane = self.bins.coordinate(depth) - 0.5
-        seen = (column > -0.5) & (column < width - 0.5) & (row > -0.5) & (row < height - 0.5)
-        seen = seen & (plane >= -0.5) & (plane < count - 0.5)  # NaN, behind the camera, compares false
-        where = seen.flatten().nonzero()[:, 0]
-        column, row, plane = (value.flatten()[where] for value in (column, row, plane))
-        view = torch.div(where, len(self.points), rounding_mode="floor")
-        cell = torch.div(view, cameras, rounding_mode="floor") * len(self.points) + where % len(self.points)
+        position = self.bins.coordinate(depth) - 0.5  # in bins, between their centres
+        visible = (column > -0.5) & (column < width - 0.5) & (row > -0.5) & (row < height - 0.5)
+        visible = visible & (position >= -0.5) & (position < count - 0.5)  # NaN, behind the camera, compares false
+        index = visible.flatten().nonzero()[:, 0]
+        column, row, position = (value.flatten()[index] for value in (column, row, position))
+        image_index = torch.div(index, len(self.points), rounding_mode="floor")
+        cell = torch.div(image_index, cameras, rounding_mode="floor") * len(self.points) + index % len(self.points)
 
-        left, top, near = column.floor(), row.floor(), plane.floor()
-        right, low, far = column - left, row - top, plane - near
-        corners = [(1 - low) * (1 - right), (1 - low) * right, low * (1 - right), low * right]
+        left, top, near_bin = column.floor(), row.floor(), position.floor()
+        dx, dy, between = column - left, row - top, position - near_bin
+        bilinear = [(1 - dy) * (1 - dx), (1 - dy) * dx, dy * (1 - dx), dy * dx]
         columns = [(left + i).clamp(0, width - 1).int() for i in (0, 1)]
-        rows = [(view * height + (top + i).clamp(0, height - 1)).int() * width for i in (0, 1)]
-        pixel = torch.stack([r + c for r in rows for c in columns], dim=1)  # (seen, 4)
-        index = SplatIndex.of(
+        rows = [(image_index * height + (top + i).clamp(0, height - 1)).int() * width for i in (0, 1)]
+        pixel = torch.stack([r + c for r in rows for c in columns], dim=1)  # (V visible points, 4)
+        splat_index = SplatIndex.of(
             pixel.flatten(),
             cell.int().repeat_interleave(4),
             pixels=batch * cameras * height * width,
             cells=batch * len(self.points),
         )
-        first = pixel * count + near.clamp(min=0).int()[:, None]
-        beyond = (near < count - 1) & (near >= 0)
-        return index, (first, beyond.int()[:, None], torch.stack(corners, dim=1), far[:, None])
+        near = pixel * count + near_bin.clamp(min=0).int()[:, None]  # index of the near bin's probability
+        to_far = ((near_bin < count - 1) & (near_bin >= 0)).int()[:, None]  # 0: no bin beyond, take the same again
+        return splat_index, (near, to_far, torch.stack(bilinear, dim=1), between[:, None])
 
     def forward(self, features: Tensor, probability: Tensor, cam_K: Tensor, ego_T_cam: Tensor) -> Tensor:
         """Features (B, N, h, w, C) and depth probabilities (B, N, h, w, D) to (B, heights * C, Y, X)."""
-        index, (near, step, corner, far) = self.geometry(cam_K, ego_T_cam, features.shape[2:4])
+        index, (near, to_far, bilinear, between) = self.geometry(cam_K, ego_T_cam, features.shape[2:4])
         flat = probability.flatten()
-        near_share, far_share = (flat.index_select(0, i.flatten()).view_as(corner) for i in (near, near + step))
-        weights = corner * torch.lerp(near_share, far_share, far.expand_as(corner))
+        at_near, at_far = (flat.index_select(0, i.flatten()).view_as(bilinear) for i in (near, near + to_far))
+        weights = bilinear * torch.lerp(at_near, at_far, between.expand_as(bilinear))
         cells = splat(features.flatten(0, 3), weights.flatten(), index)
-        return to_map(cells.view(-1, self.layers * features.shape[-1]), len(features), self.grid)
+        return to_map(cells.view(-1, self.num_heights * features.shape[-1]), len(features), self.grid)

@@ -1,4 +1,4 @@
-"""Radar detections to a bird's-eye view: named channels a cell, then convolutions."""
+"""Radar detections to a bird's-eye view: named channels per cell, then convolutions."""
 
 import torch
 from beartype import beartype
@@ -8,6 +8,7 @@ from fusion_net.common.bev_grid import BEVGrid
 from fusion_net.data.batch import RADAR_CHANNELS, Batch
 from fusion_net.models.layers import ConvBlock
 from fusion_net.models.lift_splat import to_map
+from fusion_net.models.outputs import Encoded
 
 RASTER_CHANNELS = ("occupancy", "count", "rcs", "rcs_max", "vx", "vy", "speed", "speed_max", "age", "dx", "dy")
 """Of a cell: 1 if hit, log(1 + hits), mean and greatest RCS (dBsm / 10), mean compensated radial velocity in ego axes
@@ -15,7 +16,7 @@ RASTER_CHANNELS = ("occupancy", "count", "rcs", "rcs_max", "vx", "vy", "speed", 
 
 
 def rasterize(points: Tensor, sample: Tensor, size: int, grid: BEVGrid) -> Tensor:
-    """RADAR_CHANNELS points (R, 7) of ``size`` samples to (B, len(RASTER_CHANNELS), Y, X); no point is legitimate."""
+    """RADAR_CHANNELS points (R, 7) of ``size`` samples to (B, len(RASTER_CHANNELS), Y, X); there may be no points."""
     rows, columns = grid.shape
     row, column, inside = grid.rows_columns(points[:, :2])
     points, row, column, sample = points[inside], row[inside], column[inside], sample[inside].long()
@@ -39,17 +40,17 @@ def rasterize(points: Tensor, sample: Tensor, size: int, grid: BEVGrid) -> Tenso
 
 @beartype
 class RadarEncoder(nn.Module):
-    """Radar branch: ``forward(batch)`` gives (B, channels, Y, X).
+    """Radar branch: ``forward(batch)`` gives a map (B, channels, Y, X).
 
-    A radar's azimuth is off by metres at range, so the first convolution is wide: what a detection says reaches
-    over more cells than its own.
+    A radar's azimuth is off by metres at range, so the first convolution is wide: a detection reaches more cells than
+    its own.
     """
 
-    def __init__(self, *, grid: BEVGrid, channels: int = 32) -> None:
+    def __init__(self, *, grid: BEVGrid, channels: int) -> None:
         super().__init__()
         self.grid, self.channels = grid, channels
         self.convs = nn.Sequential(ConvBlock(len(RASTER_CHANNELS), channels, kernel=5), ConvBlock(channels, channels))
 
-    def forward(self, batch: Batch) -> Tensor:
-        """(B, channels, Y, X)."""
-        return self.convs(rasterize(batch.radar_points, batch.radar_batch, batch.size, self.grid))
+    def forward(self, batch: Batch) -> Encoded:
+        """The map (B, channels, Y, X)."""
+        return Encoded(self.convs(rasterize(batch.radar_points, batch.radar_batch, batch.size, self.grid)))

@@ -1,4 +1,4 @@
-"""Decoding: what was drawn as targets comes back as boxes."""
+"""Decoding: maps of known objects come back as boxes."""
 
 import numpy as np
 import pytest
@@ -9,13 +9,15 @@ from fusion_net.models.center_head import CenterHead
 
 GRID = BEVGrid(4.0, 44.0, -12.0, 20.0, 0.8)
 CLASSES = ["truck", "pedestrian"]
+NMS_RADIUS = {"truck": 3.5, "pedestrian": 0.4}
 
 
 def head(**options) -> CenterHead:
-    return CenterHead(grid=GRID, classes=CLASSES, inputs=4, hidden=4, **options)
+    settings = {"classes": CLASSES, "max_boxes": 100, "min_score": 0.0, "nms_radius": NMS_RADIUS}
+    return CenterHead(grid=GRID, channels=4, hidden=4, **settings | options)
 
 
-def drawn(centers, labels, logits, *, yaw=0.7):
+def perfect_maps(centers, labels, logits, *, yaw=0.7):
     """Maps with one peak an object, as a perfect network would make them."""
     maps = {"heatmap": torch.full((1, 2, *GRID.shape), -9.0)}
     for name, channels in (("offset", 2), ("height", 1), ("size", 3), ("rot", 2), ("velocity", 2), ("log_variance", 2)):
@@ -34,7 +36,7 @@ def drawn(centers, labels, logits, *, yaw=0.7):
 
 def test_boxes_come_back():
     centers, labels = [[10.3, -7.1, 0.9], [40.2, 19.3, 1.4], [22.0, 3.3, 0.8]], [0, 1, 0]
-    boxes = head(min_score=0.1).decode(drawn(centers, labels, [4.0, 3.0, 2.0], yaw=-2.5))[0]
+    boxes = head(min_score=0.1).decode(perfect_maps(centers, labels, [4.0, 3.0, 2.0], yaw=-2.5))[0]
     np.testing.assert_allclose(boxes.center, centers, atol=1e-5)
     assert boxes.label.tolist() == labels
     np.testing.assert_allclose(boxes.wlh, np.tile([1.9, 4.6, 1.5], (3, 1)), rtol=1e-5)
@@ -47,15 +49,15 @@ def test_boxes_come_back():
 def test_circle_nms_is_per_class_and_by_radius():
     """2.4 m apart: one truck (3.5 m), but two pedestrians (0.4 m)."""
     places = [[20.0, 0.0, 1.0], [20.0, 2.4, 1.0]]
-    assert len(head(min_score=0.1).decode(drawn(places, [0, 0], [3.0, 2.0]))[0]) == 1
-    assert len(head(min_score=0.1).decode(drawn(places, [1, 1], [3.0, 2.0]))[0]) == 2
-    assert len(head(min_score=0.1).decode(drawn(places, [0, 1], [3.0, 2.0]))[0]) == 2
+    assert len(head(min_score=0.1).decode(perfect_maps(places, [0, 0], [3.0, 2.0]))[0]) == 1
+    assert len(head(min_score=0.1).decode(perfect_maps(places, [1, 1], [3.0, 2.0]))[0]) == 2
+    assert len(head(min_score=0.1).decode(perfect_maps(places, [0, 1], [3.0, 2.0]))[0]) == 2
 
 
-def test_a_suppressed_box_suppresses_nobody():
+def test_a_suppressed_box_suppresses_no_other():
     """A chain of trucks 3 m apart: the second falls to the first, the third stands."""
     places = [[20.0, 0.0, 1.0], [20.0, 3.0, 1.0], [20.0, 6.0, 1.0]]
-    boxes = head(min_score=0.1).decode(drawn(places, [0, 0, 0], [3.0, 2.0, 1.0]))[0]
+    boxes = head(min_score=0.1).decode(perfect_maps(places, [0, 0, 0], [3.0, 2.0, 1.0]))[0]
     np.testing.assert_allclose(boxes.center[:, 1], [0.0, 6.0], atol=1e-5)
 
 
@@ -69,7 +71,7 @@ def test_best_first_and_capped():
 
 
 def test_empty_maps_and_nan_logits_give_no_boxes():
-    maps = drawn([], [], [])
+    maps = perfect_maps([], [], [])
     maps["heatmap"][:] = -torch.inf
     assert len(head().decode(maps)[0]) == 0
     maps["heatmap"][:] = torch.nan
@@ -83,4 +85,9 @@ def test_an_untrained_head_starts_at_the_prior():
 
 def test_unknown_class_is_named():
     with pytest.raises(ValueError, match="lorry"):
-        CenterHead(grid=GRID, classes=["lorry"], inputs=4)
+        head(classes=["lorry"])
+
+
+def test_a_class_without_nms_radius_is_named():
+    with pytest.raises(ValueError, match="nms_radius has no value for pedestrian"):
+        head(nms_radius={"truck": 3.5})

@@ -1,5 +1,7 @@
 """The sparse product against the outer product it replaces, and the geometry of both view transforms."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 import torch
@@ -9,11 +11,12 @@ from hypothesis import strategies as st
 from fusion_net.common import geometry
 from fusion_net.common.bev_grid import BEVGrid
 from fusion_net.models.depth_bins import DepthBins
-from fusion_net.models.lift_splat import LiftSplat, PullLift, SplatIndex, ego_points, splat
+from fusion_net.models.lift_splat import BackwardProjection, LiftSplat, SplatIndex, ego_points, splat
 
 GRID = BEVGrid(2.0, 42.0, -12.0, 20.0, 0.8)  # neither square nor centred
 BINS = DepthBins(2.0, 42.0, 160, "linear")
 SIZE, STRIDE = (6, 11), 8
+VIEWS = [LiftSplat, partial(BackwardProjection, heights=[0.4, 1.1, 2.0])]
 
 
 def camera(*, yaw: float = 20.0, pitch: float = 4.0, roll: float = 3.0) -> tuple[torch.Tensor, torch.Tensor]:
@@ -79,19 +82,19 @@ def test_splat_ignores_autocast():
         assert splat(features.bfloat16(), weights, index).item() == 300.0  # bfloat16 would stop counting at 256
 
 
-@pytest.mark.parametrize("view", [LiftSplat, PullLift])
+@pytest.mark.parametrize("view", VIEWS)
 def test_nothing_in_the_grid_gives_zeros_and_gradients(view):
     lift = view(grid=BEVGrid(300.0, 304.0, 0.0, 8.0, 0.8), bins=BINS, stride=STRIDE)
     features = torch.randn(1, 1, *SIZE, 4, requires_grad=True)
     depth = torch.rand(1, 1, *SIZE, BINS.count, requires_grad=True)
     bev = lift(features, depth, *camera())
     bev.sum().backward()
-    assert bev.shape == (1, 4 * lift.layers, 10, 5)
+    assert bev.shape == (1, 4 * lift.num_heights, 10, 5)
     assert not bev.any()
     assert not features.grad.any()
 
 
-def test_push_conserves_features_that_stay_in_the_grid():
+def test_lift_splat_conserves_features_that_stay_in_the_grid():
     wide = BEVGrid(-80.0, 80.0, -80.0, 80.0, 0.8)
     features = torch.randn(1, 1, *SIZE, 5)
     depth = torch.rand(1, 1, *SIZE, BINS.count).softmax(-1)
@@ -99,7 +102,7 @@ def test_push_conserves_features_that_stay_in_the_grid():
     torch.testing.assert_close(bev.sum((0, 2, 3)), features.sum((0, 1, 2, 3)), rtol=1e-4, atol=1e-4)
 
 
-def test_push_equals_the_naive_splat():
+def test_lift_splat_equals_the_naive_splat():
     cam_K, ego_T_cam = camera()
     features, depth = torch.randn(1, 1, *SIZE, 5), torch.rand(1, 1, *SIZE, BINS.count)
     bev = LiftSplat(grid=GRID, bins=BINS, stride=STRIDE)(features, depth, cam_K, ego_T_cam)
@@ -134,10 +137,10 @@ def test_a_point_of_known_depth_lands_in_its_own_cell(ahead, aside, yaw, pitch, 
     assert np.abs(hit - truth[:2]).max() <= GRID.cell / 2 + 0.25 / 2 + 1e-3
 
 
-def test_pull_reads_the_pixel_where_a_cell_is_seen():
+def test_backward_projection_reads_the_pixel_where_a_cell_is_visible():
     """A feature that is the pixel's own coordinates, interpolated, gives back the projection of each cell's point."""
     cam_K, ego_T_cam = camera()
-    lift = PullLift(grid=GRID, bins=BINS, stride=STRIDE, heights=[0.4, 1.1])
+    lift = BackwardProjection(grid=GRID, bins=BINS, stride=STRIDE, heights=[0.4, 1.1])
     v, u = torch.meshgrid(torch.arange(SIZE[0]), torch.arange(SIZE[1]), indexing="ij")
     features = torch.stack([(u + 0.5) * STRIDE, (v + 0.5) * STRIDE, torch.ones_like(u)], -1)[None, None].float()
     flat = torch.ones(1, 1, *SIZE, BINS.count)
@@ -155,12 +158,12 @@ def test_pull_reads_the_pixel_where_a_cell_is_seen():
         assert not ours[~((u > 0) & (u < 88) & (v > 0) & (v < 48))].any()
 
 
-def test_pull_weighs_by_the_interpolated_depth():
+def test_backward_projection_weighs_by_the_interpolated_depth():
     cam_K, ego_T_cam = camera(yaw=0, pitch=0, roll=0)
     bins = DepthBins(2.0, 42.0, 20, "linear")  # 2 m
     probability = torch.zeros(1, 1, *SIZE, 20)
     probability[..., 10] = 1.0  # centre at 23 m along z, so 24.5 m in the ego frame
-    bev = PullLift(grid=GRID, bins=bins, stride=STRIDE, heights=[1.1])(
+    bev = BackwardProjection(grid=GRID, bins=bins, stride=STRIDE, heights=[1.1])(
         torch.ones(1, 1, *SIZE, 1), probability, cam_K, ego_T_cam
     )
     row = int(GRID.rows_columns(torch.tensor([24.0, -0.6]))[0])
@@ -169,7 +172,7 @@ def test_pull_weighs_by_the_interpolated_depth():
     torch.testing.assert_close(bev[0, 0, row], expected, atol=1e-4, rtol=0)
 
 
-@pytest.mark.parametrize("view", [LiftSplat, PullLift])
+@pytest.mark.parametrize("view", VIEWS)
 def test_another_calibration_is_another_geometry(view):
     lift = view(grid=GRID, bins=BINS, stride=STRIDE)
     features, depth = torch.rand(1, 1, *SIZE, 2), torch.rand(1, 1, *SIZE, BINS.count)
@@ -193,4 +196,4 @@ def test_bins_place_features_where_they_label_depth(spacing):
         -1,
     ]
     with pytest.raises(ValueError, match="low < high"):
-        DepthBins(5.0, 2.0, 10)
+        DepthBins(5.0, 2.0, 10, "log")

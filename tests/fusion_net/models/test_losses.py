@@ -1,4 +1,4 @@
-"""Losses: finite where there is nothing, blind where there is no label, least at the truth."""
+"""Losses: finite where there is nothing, no gradient where there is no label, smallest at the truth."""
 
 from dataclasses import replace
 
@@ -8,11 +8,19 @@ import torch
 from benchmarks.model_step import random_batch
 from fusion_net.common.bev_grid import BEVGrid
 from fusion_net.data.batch import Targets
+from fusion_net.models.center_head import REGRESSIONS
 from fusion_net.models.depth_bins import DepthBins
-from fusion_net.models.losses import DetectionLoss, center_nll, depth_loss, focal_loss, masked_l1
+from fusion_net.models.losses import WEIGHTS, DetectionLoss, center_nll, depth_loss, focal_loss, masked_l1
+from fusion_net.models.outputs import ImagePredictions, Outputs
 
 GRID = BEVGrid(0.0, 16.0, -4.0, 8.0, 1.0)
-BINS = DepthBins(2.0, 58.0, 14)
+BINS = DepthBins(2.0, 58.0, 14, "linear")
+
+
+def detection_loss(**changes) -> DetectionLoss:
+    settings = {"depth_supervision": "dense", "object_weight": 4.0, "peak_radius": 3, "box_radius": 1}
+    weights = dict.fromkeys(WEIGHTS, 0.5)
+    return DetectionLoss(**{"bins": BINS, "cell": GRID.cell, "weights": weights} | settings | changes)
 
 
 def test_focal_loss_by_hand():
@@ -28,7 +36,7 @@ def test_focal_loss_is_finite_without_positives_and_at_extreme_logits():
     assert focal_loss(torch.full((4,), -100.0), torch.zeros(4)) == 0
 
 
-def test_unknown_velocity_teaches_nothing():
+def test_an_unknown_velocity_has_no_gradient():
     values = torch.ones(3, 2, requires_grad=True)
     target = torch.tensor([[0.0, 0.0], [torch.nan, torch.nan], [1.0, 1.0]])
     loss = masked_l1(values, target)
@@ -51,8 +59,8 @@ def _single(error_x: float, log_variance: float) -> tuple[dict[str, torch.Tensor
     return maps, targets
 
 
-def test_variance_is_least_wrong_at_the_squared_error():
-    nll = [center_nll(*_single(0.5, v), cell=1.0, reach=2)[None] for v in (-2.2, -1.386, -0.6)]
+def test_the_best_variance_is_the_squared_error():
+    nll = [center_nll(*_single(0.5, v), cell=1.0, radius=2)[None] for v in (-2.2, -1.386, -0.6)]
     y_term = [
         torch.tensor(v).neg().div(2) for v in (-2.2, -1.386, -0.6)
     ]  # the exact y prefers small variances; take it out
@@ -60,63 +68,94 @@ def test_variance_is_least_wrong_at_the_squared_error():
     assert x_only[1] == min(x_only)
 
 
-def test_variance_answers_for_the_peak_that_is_decoded():
+def test_variance_is_that_of_the_decoded_peak():
     """The strongest cell is two columns beside the object's: the error is two metres, not the offset at the true cell."""
     maps, targets = _single(0.0, 0.0)
-    near = center_nll(maps, targets, cell=1.0, reach=2)
+    near = center_nll(maps, targets, cell=1.0, radius=2)
     maps["heatmap"][0, 1, 4, 11] = 5.0
-    assert center_nll(maps, targets, cell=1.0, reach=2) - near == pytest.approx(0.5 * 2.0**2)
+    assert center_nll(maps, targets, cell=1.0, radius=2) - near == pytest.approx(0.5 * 2.0**2)
     maps["heatmap"][0, 0, 4, 10] = 9.0  # another class does not matter
-    assert center_nll(maps, targets, cell=1.0, reach=2) - near == pytest.approx(0.5 * 2.0**2)
+    assert center_nll(maps, targets, cell=1.0, radius=2) - near == pytest.approx(0.5 * 2.0**2)
 
 
-def test_the_box_is_learnt_around_the_centre_as_seen_from_each_cell():
-    """Offsets that point to the centre from every neighbour cost nothing; one cell further, nothing is asked."""
+def test_the_box_is_learned_around_the_centre_as_seen_from_each_cell():
+    """Offsets that point to the centre from every neighbour cost nothing; one cell further, nothing is learned."""
     maps, targets = _single(0.0, 0.0)
     maps |= {
         name: torch.zeros(1, c, *GRID.shape) for name, c in (("height", 1), ("size", 3), ("rot", 2), ("velocity", 2))
     }
     rows, columns = torch.meshgrid(*(torch.arange(n) for n in GRID.shape), indexing="ij")
     maps["offset"][0] = torch.stack([9 - columns, 4 - rows]) * GRID.cell
-    loss = DetectionLoss(bins=BINS, cell=GRID.cell)
-    assert loss.boxes(maps, targets)["loss/offset"] == 0
+    loss = detection_loss()
+    assert loss.box_terms(maps, targets)["loss/offset"] == 0
     maps["offset"][0, :, 4, 11] += 7.0
-    assert loss.boxes(maps, targets)["loss/offset"] == 0
+    assert loss.box_terms(maps, targets)["loss/offset"] == 0
     maps["offset"][0, 0, 4, 10] += 0.9
-    assert loss.boxes(maps, targets)["loss/offset"] == pytest.approx(0.5 * 0.9 / 9)
-    narrow = DetectionLoss(bins=BINS, cell=GRID.cell, spread=0)
-    assert narrow.boxes(maps, targets)["loss/offset"] == 0
+    assert loss.box_terms(maps, targets)["loss/offset"] == pytest.approx(0.5 * 0.9 / 9)
+    narrow = detection_loss(box_radius=0)
+    assert narrow.box_terms(maps, targets)["loss/offset"] == 0
 
 
-def test_depth_cells_without_return_teach_nothing():
+@pytest.mark.parametrize("changed", WEIGHTS)
+def test_each_weight_scales_its_own_term(changed):
+    """Twice the weight is twice that term and leaves the others; NaN velocities and empty cells included."""
+    batch = random_batch(2, grid=GRID, image=(32, 64), lidar=0, radar=0, classes=2)
+    maps, image = _random_maps(), _predictions(batch)
+    terms = detection_loss()(Outputs(maps, image), batch)
+    doubled = detection_loss(weights=dict.fromkeys(WEIGHTS, 0.5) | {changed: 1})(Outputs(maps, image), batch)
+    assert set(terms) == {"loss", *(f"loss/{name}" for name in WEIGHTS)}
+    for name in WEIGHTS:
+        assert doubled[f"loss/{name}"] == terms[f"loss/{name}"] * (2 if name == changed else 1)
+    assert doubled["loss"] - terms["loss"] == pytest.approx(float(terms[f"loss/{changed}"]), rel=1e-4)
+
+
+def _random_maps():
+    rng = torch.Generator().manual_seed(1)
+    channels = {"heatmap": 2} | REGRESSIONS
+    return {name: torch.randn(2, count, *GRID.shape, generator=rng) for name, count in channels.items()}
+
+
+@pytest.mark.parametrize(
+    ("weights", "message"),
+    [
+        (dict.fromkeys(WEIGHTS, 1.0) | {"heatmp": 1.0}, "there is no loss 'heatmp'; choose from heatmap, offset"),
+        ({name: 1.0 for name in WEIGHTS if name != "rot"}, "no weight for rot"),
+        (dict.fromkeys(WEIGHTS, 1.0) | {"depth": -0.3}, "depth=-0.3 must be a finite number of at least 0"),
+        (dict.fromkeys(WEIGHTS, 1.0) | {"size": float("nan")}, "size=nan must be"),
+    ],
+)
+def test_wrong_weights_are_named(weights, message):
+    with pytest.raises(ValueError, match=f"weights: {message}"):
+        detection_loss(weights=weights)
+
+
+def test_depth_cells_without_return_have_no_gradient():
     logits = torch.randn(1, 1, BINS.count, 2, 3, requires_grad=True)
     depth = torch.tensor([[[[0.0, 10.0, 70.0], [1.0, 30.0, 0.0]]]])
     depth_loss(logits, depth, torch.ones_like(depth), BINS).backward()
-    taught = logits.grad.abs().sum(2)[0, 0] > 0
-    assert taught.tolist() == [[False, True, False], [False, True, False]]
+    has_gradient = logits.grad.abs().sum(2)[0, 0] > 0
+    assert has_gradient.tolist() == [[False, True, False], [False, True, False]]
     assert depth_loss(logits, torch.zeros_like(depth), torch.ones_like(depth), BINS) == 0
 
 
 @pytest.mark.parametrize("supervision", ["none", "lidar", "dense"])
 def test_depth_supervision_is_a_switch(supervision):
     batch = random_batch(1, grid=GRID, image=(32, 64), lidar=0, radar=0)
-    loss = DetectionLoss(bins=BINS, cell=GRID.cell, depth_supervision=supervision)
-    terms = loss.camera(_perception(batch), batch)
+    loss = detection_loss(depth_supervision=supervision)
+    terms = loss.image_terms(_predictions(batch), batch)
     assert ("loss/depth" in terms) == (supervision != "none")
     assert "loss/classes" in terms
     real = replace(batch, dense_depth=None, class_map=None)
     if supervision == "dense":
         with pytest.raises(ValueError, match="use lidar"):
-            loss.camera(_perception(real), real)
+            loss.image_terms(_predictions(real), real)
     else:
-        assert loss.total(loss.camera(_perception(real), real))["loss"].isfinite()
+        assert loss.total(loss.image_terms(_predictions(real), real))["loss"].isfinite()
 
 
-def _perception(batch):
-    from fusion_net.models.camera_encoder import Perception
-
+def _predictions(batch):
     b, n, h, w = batch.lidar_depth.shape
-    return Perception(
+    return ImagePredictions(
         torch.randn(b, n, 4, h, w),
         torch.randn(b, n, BINS.count, h, w),
         torch.randn(b, n, 10, h, w),

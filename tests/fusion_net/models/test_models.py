@@ -1,6 +1,7 @@
 """The detector as a whole: masks, missing sensors, batches, gradients."""
 
 from dataclasses import replace
+from functools import partial
 
 import pytest
 import torch
@@ -14,9 +15,10 @@ from fusion_net.models.center_head import CenterHead
 from fusion_net.models.depth_bins import DepthBins
 from fusion_net.models.fuser import AverageFuser, ConcatFuser, make_fuser
 from fusion_net.models.fusion_net import FusionNet
+from fusion_net.models.image_network import ImageNetwork
 from fusion_net.models.lidar_encoder import LidarEncoder
-from fusion_net.models.lift_splat import LiftSplat, PullLift
-from fusion_net.models.losses import DetectionLoss
+from fusion_net.models.lift_splat import BackwardProjection, LiftSplat
+from fusion_net.models.losses import WEIGHTS, DetectionLoss
 from fusion_net.models.radar_encoder import RASTER_CHANNELS, RadarEncoder, rasterize
 
 GRID = BEVGrid(2.0, 27.6, -9.6, 16.0, 0.8)
@@ -24,24 +26,49 @@ CLASSES = ["car", "pedestrian"]
 BINS = DepthBins(2.0, 40.0, 20, "log")
 
 
-def small_model(*, view=PullLift, fuser="concat", seed=0, names=MODALITIES, **camera) -> FusionNet:
+CHANNELS = 8
+backward_projection = partial(BackwardProjection, heights=[0.4, 1.1, 2.0])
+
+
+def camera_encoder(*, view=backward_projection, stride=8, **changes) -> CameraEncoder:
+    settings = {"lift_class_scores": True, "depth_source": "learned"} | changes
+    network = ImageNetwork(classes=CLASSES, bins=BINS, stride=stride, widths=[8, 8, 12, 12], features=8)
+    view_transform = view(grid=GRID, bins=BINS, stride=stride)
+    return CameraEncoder(image_network=network, view_transform=view_transform, channels=CHANNELS, **settings)
+
+
+def lidar_encoder(**changes) -> LidarEncoder:
+    return LidarEncoder(
+        **{"grid": GRID, "channels": CHANNELS, "pillar": 0.4, "features": 8, "extra_channels": 0} | changes
+    )
+
+
+def detection_loss() -> DetectionLoss:
+    settings = {"depth_supervision": "dense", "object_weight": 4.0, "peak_radius": 3, "box_radius": 1}
+    weights = dict.fromkeys(WEIGHTS, 0.4) | {"heatmap": 1.0, "log_variance": 0.1}
+    return DetectionLoss(bins=BINS, cell=GRID.cell, weights=weights, **settings)
+
+
+def small_model(*, fuser="concat", seed=0, names=MODALITIES, **camera) -> FusionNet:
     torch.manual_seed(seed)
     encoders = {
-        "camera": CameraEncoder(
-            view=view(grid=GRID, bins=BINS), classes=CLASSES, channels=8, widths=[8, 8, 12, 12], features=8, **camera
-        ),
-        "lidar": LidarEncoder(grid=GRID, channels=8, features=8),
-        "radar": RadarEncoder(grid=GRID, channels=8),
+        "camera": camera_encoder(**camera),
+        "lidar": lidar_encoder(),
+        "radar": RadarEncoder(grid=GRID, channels=CHANNELS),
     }
     return FusionNet(
         grid=GRID,
+        bev_channels=CHANNELS,
         encoders=encoders,
         modalities=list(names),
-        fuser=make_fuser(fuser, modalities=list(names), channels=dict.fromkeys(MODALITIES, 8), outputs=12),
-        decoder=BEVDecoder(inputs=12, half=12, quarter=12, outputs=12),
-        head=CenterHead(grid=GRID, classes=CLASSES, inputs=12, hidden=8),
-        losses=DetectionLoss(bins=BINS, cell=GRID.cell),
-    )
+        fuser=make_fuser(fuser, modalities=list(names), channels=CHANNELS),
+        decoder=BEVDecoder(channels=CHANNELS, half=12, quarter=12),
+        head=CenterHead(
+            grid=GRID, classes=CLASSES, channels=CHANNELS, hidden=8, max_boxes=100, min_score=0.0,
+            nms_radius=dict.fromkeys(CLASSES, 1.0),
+        ),
+        losses=detection_loss(),
+    )  # fmt: skip
 
 
 def small_batch(size=3, **options):
@@ -63,7 +90,7 @@ def single(batch, i):
     )
 
 
-@pytest.mark.parametrize("view", [PullLift, LiftSplat])
+@pytest.mark.parametrize("view", [backward_projection, LiftSplat])
 def test_a_batch_is_its_samples(view):
     model, batch = small_model(view=view).eval(), small_batch(cameras=2)
     with torch.no_grad():
@@ -74,8 +101,8 @@ def test_a_batch_is_its_samples(view):
 
 
 @pytest.mark.parametrize("fuser", ["concat", "average", "channel_weight"])
-def test_a_masked_sensor_cannot_be_felt(fuser):
-    """With the LiDAR masked in one sample, any cloud gives that sample's maps; the other samples do not notice."""
+def test_a_masked_sensor_has_no_effect(fuser):
+    """With the LiDAR masked in one sample, any point cloud gives that sample's maps; the other samples do not change."""
     model, batch = small_model(fuser=fuser).eval(), small_batch()
     present = batch.present.clone()
     present[1, MODALITIES.index("lidar")] = False
@@ -91,10 +118,10 @@ def test_absent_from_the_whole_batch_skips_the_encoder():
     model, batch = small_model().eval(), small_batch()
     absent = batch.present.clone()
     absent[:, 0] = False
-    model.encoders["camera"].register_forward_hook(lambda *_: pytest.fail("the camera was asked"))
+    model.encoders["camera"].register_forward_hook(lambda *_: pytest.fail("the camera was used"))
     with torch.no_grad():
         outputs = model(batch, absent)
-    assert outputs.camera is None
+    assert outputs.image is None
 
 
 @pytest.mark.parametrize("training", [True, False])
@@ -122,24 +149,26 @@ def test_nan_points_are_outside():
         assert model(batch).maps["heatmap"].isfinite().all()
 
 
-@pytest.mark.parametrize("view", [PullLift, LiftSplat])
-def test_detection_teaches_depth(view):
+@pytest.mark.parametrize("view", [backward_projection, LiftSplat])
+def test_detection_losses_reach_the_depth_distribution(view):
     """Without any depth loss, the gradient still reaches the depth distribution through the lift."""
     model, batch = small_model(view=view, names=["camera"]), small_batch()
     outputs = model(batch)
-    outputs.camera.depth_logits.retain_grad()
+    outputs.image.depth_logits.retain_grad()
     outputs.maps["heatmap"].square().sum().backward()
-    assert outputs.camera.depth_logits.grad.abs().sum() > 0
+    assert outputs.image.depth_logits.grad.abs().sum() > 0
 
 
-def test_frozen_camera_keeps_its_trunk_and_statistics():
+def test_a_frozen_camera_keeps_its_weights_and_statistics():
     model, batch = small_model(), small_batch()
     model.encoders["camera"].freeze(True)
     model.train()
-    before = {n: x.clone() for n, x in model.encoders["camera"].trunk.state_dict().items()}
+    before = {n: x.clone() for n, x in model.encoders["camera"].image_network.backbone.state_dict().items()}
     model.loss(model(batch), batch)["loss"].backward()
-    assert all(p.grad is None for p in model.encoders["camera"].trunk.parameters())
-    assert all(torch.equal(x, before[n]) for n, x in model.encoders["camera"].trunk.state_dict().items())
+    assert all(p.grad is None for p in model.encoders["camera"].image_network.backbone.parameters())
+    assert all(
+        torch.equal(x, before[n]) for n, x in model.encoders["camera"].image_network.backbone.state_dict().items()
+    )
     assert any(p.grad is not None for p in model.encoders["camera"].reduce.parameters())
 
 
@@ -149,12 +178,46 @@ def test_depth_sources_run(source):
     assert outputs.maps["heatmap"].isfinite().all()
 
 
+def test_an_absent_lidar_gives_no_depth():
+    """``depth_source=lidar``: where the LiDAR is absent, its depth has no effect on the map, as if there were no returns."""
+    model, batch = small_model(depth_source="lidar", names=["camera", "lidar"]).eval(), small_batch()
+    present = batch.present.clone()
+    present[1, MODALITIES.index("lidar")] = False
+    lidar_depth = batch.lidar_depth.clone()
+    lidar_depth[1] = 0.0
+    with torch.no_grad():
+        with_depth, without = (
+            model(replace(batch, lidar_depth=d), present).maps for d in (batch.lidar_depth, lidar_depth)
+        )
+        everything = model(batch).maps
+    for name in with_depth:
+        torch.testing.assert_close(with_depth[name], without[name], rtol=0, atol=0)
+    torch.testing.assert_close(with_depth["heatmap"][0], everything["heatmap"][0])
+
+
 def test_camera_at_stride_four():
-    view = PullLift(grid=GRID, bins=BINS, stride=4)
-    encoder = CameraEncoder(view=view, classes=CLASSES, channels=8, widths=[8, 8, 12, 12], features=8)
-    bev, seen = encoder(small_batch())
-    assert seen.depth_logits.shape == (3, 1, 20, 12, 20)
-    assert bev.shape == (3, 8, *GRID.shape)
+    encoded = camera_encoder(stride=4)(small_batch())
+    assert encoded.image.depth_logits.shape == (3, 1, 20, 12, 20)
+    assert encoded.bev.shape == (3, CHANNELS, *GRID.shape)
+
+
+def test_perceive_and_lift_make_the_map():
+    encoder, batch = camera_encoder().eval(), small_batch()
+    with torch.no_grad():
+        assert torch.equal(encoder.lift(encoder.perceive(batch), batch), encoder(batch).bev)
+
+
+def test_every_encoder_returns_a_map_of_the_same_shape():
+    model, batch = small_model().eval(), small_batch()
+    with torch.no_grad():
+        shapes = {name: encoder(batch).bev.shape for name, encoder in model.encoders.items()}
+    assert shapes == dict.fromkeys(MODALITIES, (batch.size, CHANNELS, *GRID.shape))
+
+
+def test_predictions_and_lift_must_agree_on_depth():
+    other = partial(LiftSplat, grid=GRID, bins=DepthBins(2.0, 40.0, 21, "log"), stride=8)
+    with pytest.raises(ValueError, match=r"the image network has bins=.*count=20.*, the view transform .*count=21"):
+        camera_encoder(view=lambda **_: other())
 
 
 @pytest.mark.parametrize("names", [["lidar"], ["camera", "radar"]])
@@ -164,7 +227,7 @@ def test_a_model_of_some_sensors(names):
     assert len(model.eval().decode(model(small_batch()))) == 3
 
 
-def test_one_batch_can_be_learnt():
+def test_one_batch_can_be_learned():
     model, batch = small_model(), small_batch(2)
     optimizer = torch.optim.AdamW(model.parameters(), lr=3e-3)
     losses = []
@@ -189,7 +252,7 @@ def test_autocast_agrees_roughly_with_float32():
 
 
 def test_channel_weights_are_a_partition_of_one():
-    fuser = AverageFuser(channels=dict.fromkeys(MODALITIES, 4), outputs=6, weighted=True)
+    fuser = AverageFuser(modalities=list(MODALITIES), channels=6, weighted=True)
     torch.nn.init.normal_(fuser.logits)
     present = torch.tensor([[True, True, True], [False, True, False], [False, False, False]])
     weights = fuser.weights(present)
@@ -199,19 +262,22 @@ def test_channel_weights_are_a_partition_of_one():
 
 
 def test_absent_differs_from_present_and_empty():
-    fuser = ConcatFuser(channels={"lidar": 2, "radar": 2}, outputs=5).eval()
-    bev = {"lidar": torch.zeros(1, 2, 4, 6), "radar": torch.zeros(1, 2, 4, 6)}
+    torch.manual_seed(0)
+    fuser = ConcatFuser(modalities=["lidar", "radar"], channels=8).eval()
+    bev = {name: torch.zeros(1, 8, 4, 6) for name in ("lidar", "radar")}
     both, one = (fuser(bev, torch.tensor([[True, x]])) for x in (True, False))
     assert (both - one).abs().max() > 1e-4
 
 
 def test_mismatched_channels_are_reported():
     model = small_model()
-    with pytest.raises(ValueError, match="radar encoder makes 8 channels"):
+    with pytest.raises(ValueError, match="the radar encoder has 4 channels, bev_channels is 8"):
         FusionNet(
             grid=GRID,
-            encoders=dict(model.encoders),
-            fuser=ConcatFuser(channels={"camera": 8, "lidar": 8, "radar": 4}),
+            bev_channels=CHANNELS,
+            modalities=list(MODALITIES),
+            encoders=dict(model.encoders) | {"radar": RadarEncoder(grid=GRID, channels=4)},
+            fuser=model.fuser,
             decoder=model.decoder,
             head=model.head,
             losses=model.losses,
@@ -233,15 +299,23 @@ def test_raster_channels_mean_what_they_say():
 
 
 def test_lidar_ignores_the_order_of_points():
-    encoder, batch = LidarEncoder(grid=GRID, channels=8, features=8).eval(), small_batch()
+    encoder, batch = lidar_encoder().eval(), small_batch()
     order = torch.randperm(len(batch.lidar_points))
     shuffled = replace(batch, lidar_points=batch.lidar_points[order], lidar_batch=batch.lidar_batch[order])
-    torch.testing.assert_close(encoder(batch), encoder(shuffled), rtol=1e-4, atol=1e-5)
+    torch.testing.assert_close(encoder(batch).bev, encoder(shuffled).bev, rtol=1e-4, atol=1e-5)
+
+
+def test_extra_columns_of_a_point_reach_the_map():
+    encoder, batch = lidar_encoder(extra_channels=3).eval(), small_batch()
+    painted = torch.cat([batch.lidar_points, torch.zeros(len(batch.lidar_points), 3)], dim=1)
+    plain = encoder.encode(painted, batch.lidar_batch, batch.size)
+    painted[:, -1] = 1.0
+    assert (encoder.encode(painted, batch.lidar_batch, batch.size) - plain).abs().max() > 1e-3
 
 
 def test_an_impossible_pillar_names_the_nearest():
     with pytest.raises(ValueError, match=r"use 0\.4"):
-        LidarEncoder(grid=GRID, pillar=0.45)
+        lidar_encoder(pillar=0.45)
 
 
 def test_the_shipped_configuration_builds():

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from beartype import beartype
 
 from data_gen.actors.traffic import populate
-from data_gen.rig.coverage import FRONT, View
+from data_gen.rig.coverage import FRONT, Sector
 from data_gen.road.layout import LAYOUTS, record_layout
 from data_gen.scene.conditions import ConditionMix
 from data_gen.scene.scene import Scene
@@ -40,7 +40,7 @@ class Scenario:
 
 
 def build_episode(
-    *, name: str, layout: str, seed: int, duration: float, condition: ConditionMix, view: View = FRONT
+    *, name: str, layout: str, seed: int, duration: float, condition: ConditionMix, view: Sector = FRONT
 ) -> Scene:
     """The scene called ``name`` on a named layout: all else follows from ``seed``. ``duration`` in seconds; ``view`` is where
     the rig looks: it is filled as densely as a front camera's."""

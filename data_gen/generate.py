@@ -26,7 +26,7 @@ from data_gen.jobs.shard import Shard
 from data_gen.jobs.workers import run_parallel
 from data_gen.recording import tables
 from data_gen.recording.writer import write_json, write_scene
-from data_gen.rig.coverage import view_of
+from data_gen.rig.coverage import sector_covered
 from data_gen.rig.rig import Rig
 from data_gen.scene.conditions import ConditionMix
 from fusion_net.common.faults import Fault, FaultPlan
@@ -79,16 +79,22 @@ class Job:
     faults: list[Fault] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        FaultPlan(self.faults).check(self.rig.modalities)
+        beams = {channel: lidar.model.beams for channel, lidar in self.rig.lidars.items()}
+        FaultPlan(self.faults).check(self.rig.modalities, beams)
 
     def make(self, index: int, split: str) -> None:
         """Renders and writes one scene."""
         name = scene_name(index)
         seed = int(stream(self.seed, "scene", index).integers(2**62))
-        duration = 1.0 + self.data.keyframes / self.rig.keyframe_rate
+        duration = self.rig.duration(self.data.keyframes)
         layout = self.scenario.draw(split, seed=seed)
         scene = build_episode(
-            name=name, layout=layout, seed=seed, duration=duration, condition=self.condition, view=view_of(self.rig)
+            name=name,
+            layout=layout,
+            seed=seed,
+            duration=duration,
+            condition=self.condition,
+            view=sector_covered(self.rig),
         )
         rows = write_scene(
             scene, self.rig, root=Path(self.data.root), dataset=self.data.name, index=index,

@@ -18,6 +18,7 @@ from fusion_net.common.cli.command_line import as_override
 
 PROJECT = Path(__file__).resolve().parents[1]
 ENVIRONMENT = os.environ | {"OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
+ASSET_SHEET = ["-m", "data_gen.pictures.asset_sheet"]
 DATA_GEN = ["-m", "data_gen", "data=nano", "workers=1"]
 SHEET, PREVIEW = ["-m", "data_gen.pictures.contact_sheet"], ["-m", "data_gen.pictures.rig_preview"]
 TRAIN, EVAL = [str(PROJECT / "train.py"), "trainer=smoke"], [str(PROJECT / "eval.py")]
@@ -85,7 +86,12 @@ MISTAKES = [
     (DATA_GEN, "seed=abc", "seed=abc is not a whole number"),
     (DATA_GEN, "workers=-1", "workers=-1 is not a number of processes"),
     (DATA_GEN, "rig=nanoo", "did you mean nano?"),
+    (ASSET_SHEET, "kinds=[cra]", "kinds: there is no 'cra'; there are car"),
+    (ASSET_SHEET, "out=cars.txt kinds=[car]", "out=cars.txt is no picture; end it with .png"),
     (DATA_GEN, "rig=surond", "did you mean surround?"),
+    (DATA_GEN, "lidar=vlp32", "there is no lidar=vlp32; did you mean vlp16"),
+    (DATA_GEN, "lidar=vlp16 lidar.max_range=-1.0", "lidar.max_range=-1.0 is less than 1"),
+    (DATA_GEN, "lidar=vlp16 fault=lidar_beams", "keep=16 takes no beam from LIDAR_TOP, which has 16; use 1 to 15"),
     (DATA_GEN, "condition=fogg", "did you mean fog?"),
     (DATA_GEN, "condition=fog condition.severity=7", "severities are 1 to 3, or null for any"),
     (

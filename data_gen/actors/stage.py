@@ -8,16 +8,15 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
 from data_gen.assets.shapes.mesh import Asset
-from data_gen.rig.coverage import FRONT, View
+from data_gen.rig.coverage import FRONT, Sector
+from data_gen.road.ego import EGO_SIZE, REAR_AXLE
 from data_gen.road.footprints import Occupancy
-from data_gen.road.layout import REAR_AXLE, Lane, Layout
+from data_gen.road.layout import Lane, Layout
 from data_gen.road.track import Track
 from data_gen.scene.scene import Actor
 
 Array = NDArray[np.float64]
 
-EGO_SIZE = (5.0, 2.0)
-"""Length and width of the ego vehicle in metres."""
 REACH = (5.0, 45.0)
 """Nearest and farthest range in metres of what a scene has to show in the view of the rig."""
 _TICK = 0.2
@@ -68,7 +67,7 @@ class Stage:
     """The actors placed so far and the ground that they take during the episode. ``rng`` draws everything; ``view`` is
     what the rig looks at."""
 
-    def __init__(self, layout: Layout, rng: np.random.Generator, view: View = FRONT) -> None:
+    def __init__(self, layout: Layout, rng: np.random.Generator, view: Sector = FRONT) -> None:
         self.layout, self.rng, self.view = layout, rng, view
         self.actors: list[Actor] = []
         self.duration = float(layout.ego.times[-1])

@@ -7,7 +7,7 @@ from data_gen.actors.stage import Array, Stage
 from data_gen.actors.work_zone import work_zone
 from data_gen.assets.catalogue import build_asset
 from data_gen.assets.shapes.mesh import Asset
-from data_gen.rig.coverage import FRONT, View
+from data_gen.rig.coverage import FRONT, Sector
 from data_gen.road.footprints import Occupancy
 from data_gen.road.layout import Layout
 from data_gen.road.track import Track
@@ -48,7 +48,7 @@ SLOW = 12.0
 
 
 def populate(
-    layout: Layout, *, seed: int, density: float = 1.0, view: View = FRONT, lorry_ahead: bool = False
+    layout: Layout, *, seed: int, density: float = 1.0, view: Sector = FRONT, lorry_ahead: bool = False
 ) -> list[Actor]:
     """All actors of an episode: labelled objects and decoys (category ""). ``density`` scales what is beside the road,
     within the rig's ``view``. With ``lorry_ahead`` one of those who drive fast ahead of the ego is a truck or a bus, where

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from functools import cache
 
-from data_gen.assets import people
+from data_gen.assets.bodies import bicycles, buses, cars, construction, motorcycles, people, trailers, trucks
 from data_gen.assets.decoys import decoy_of, giant
 from data_gen.assets.shapes.mesh import Asset
 from data_gen.assets.shapes.palette import (
@@ -15,7 +15,6 @@ from data_gen.assets.shapes.palette import (
 )
 from data_gen.assets.street import furniture as street
 from data_gen.assets.street import nature, posts, roadworks, signs
-from data_gen.assets.vehicles import bicycles, buses, cars, construction, motorcycles, trailers, trucks
 
 __all__ = ["PAINTS", "PROPS", "VARIANTS", "VARIANT_NAMES", "build_asset", "decoy_of", "giant"]
 

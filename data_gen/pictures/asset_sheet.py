@@ -1,15 +1,17 @@
-"""``python -m data_gen.pictures.asset_sheet OUT.png [KIND ...]``: every variant seen from front left and from rear right."""
+"""``python -m data_gen.pictures.asset_sheet``: every variant of every asset from front left and from rear right."""
 
-import sys
+from pathlib import Path
 
 import cv2
 import numpy as np
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
+from omegaconf import DictConfig
 
 from data_gen.assets.catalogue import PAINTS, VARIANTS, build_asset, decoy_of
 from data_gen.assets.shapes.mesh import Asset
+from fusion_net.common.cli.command import command
 
 SKY, SUN = np.array([0.55, 0.68, 0.85]), np.array([0.35, 0.5, 0.79])
 
@@ -37,8 +39,21 @@ def portrait(asset: Asset, azimuth: float, *, pixels: int = 200) -> NDArray[np.u
     return (255 * np.clip(colour[..., ::-1], 0, 1) ** (1 / 2.2)).astype(np.uint8)
 
 
-def contact_sheet(kinds: list[str]) -> NDArray[np.uint8]:
-    """One row a kind: every variant from front left and rear right in turn of its paints; a decoy at the end."""
+@command(config_name="asset_sheet")
+def main(cfg: DictConfig) -> None:
+    """Draws the kinds of ``cfg.kinds``, or all, into ``cfg.out``."""
+    kinds = list(cfg.kinds) or list(VARIANTS)
+    if unknown := [kind for kind in kinds if kind not in VARIANTS]:
+        raise ValueError(f"kinds: there is no {unknown[0]!r}; there are {', '.join(VARIANTS)}")
+    out = Path(cfg.out)
+    if out.suffix not in (".png", ".jpg"):
+        raise ValueError(f"out={out} is no picture; end it with .png")
+    out.write_bytes(cv2.imencode(out.suffix, draw_assets(kinds))[1].tobytes())  # unlike imwrite, says why it cannot
+    print(f"wrote {out}")
+
+
+def draw_assets(kinds: list[str]) -> NDArray[np.uint8]:
+    """A BGR picture with a row per kind: every variant from front left and rear right, its paints in turn; last a decoy."""
     rows = []
     for kind in kinds:
         assets = [build_asset(kind, variant, variant % PAINTS[kind]) for variant in range(VARIANTS[kind])]
@@ -49,4 +64,4 @@ def contact_sheet(kinds: list[str]) -> NDArray[np.uint8]:
 
 
 if __name__ == "__main__":
-    cv2.imwrite(sys.argv[1], contact_sheet(sys.argv[2:] or list(VARIANTS)))
+    main()

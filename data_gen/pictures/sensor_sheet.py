@@ -1,22 +1,20 @@
-"""One moment in every condition as camera, LiDAR and radar deliver it: the same world, lied about in three ways."""
+"""One keyframe in every condition as camera, LiDAR and radar measure it: the same world, with the errors of each sensor."""
 
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from data_gen.pictures.contact_sheet import Image, episode, only, spoken, write_sheet
+from data_gen.pictures.sheet import Image, data_of, short_scene, single_condition, write_sheet
 from data_gen.recording.capture import Firing, capture, keyframe_times
 from data_gen.rig.rig import Rig
 from data_gen.scene.conditions import Condition, ConditionMix
 from data_gen.scene.scene import Scene
-from data_gen.sensors.camera.camera import CameraFrame
-from data_gen.sensors.lidar.lidar import LidarSweep
-from data_gen.sensors.radar.radar import RadarScan
 from fusion_net.common.bev_grid import BEVGrid
 from fusion_net.common.boxes import Boxes, transform_boxes
-from fusion_net.common.drawing import BEVPanel
+from fusion_net.common.drawing import BEVPanel, label
 from fusion_net.common.geometry import invert, transform
 
 GROUND = BEVPanel(BEVGrid(x_min=-2.0, x_max=62.0, y_min=-24.0, y_max=24.0, cell=0.5), scale=5.0)
@@ -29,44 +27,40 @@ FAST = 0.5
 
 
 def draw_sensors(path: Path, rig: Rig, mix: ConditionMix, *, layout: str, severity: int, seed: int) -> None:
-    """Writes a row a condition: the first camera, the LiDAR and the radars from above, objects outlined, the car on the
+    """Writes a row per condition: the first camera, the LiDAR and the radars from above, objects outlined, the car on the
     left looking right. LiDAR points are coloured by intensity, radar returns by whether they move, with half a second of their
     radial velocity."""
     if not (rig.cameras and rig.lidars and rig.radars):
         raise ValueError(f"rig '{rig.name}' lacks a camera, a LiDAR or a radar, and this sheet shows all three")
     rows, names = [], []
     for name in mix.weights:
-        scene = episode(rig, layout, only(mix, name, severity), seed)
+        scene = short_scene(rig, layout, single_condition(mix, name, severity), seed)
         firings = [firing for firing in capture(scene, rig, keyframes=1, seed=seed) if firing.is_keyframe]
         time = float(keyframe_times(rig, 1)[0])
         boxes = _boxes(scene, time)
-        panels = [_camera(firings), _lidar(firings, rig, boxes), _radar(firings, rig, scene, time, boxes)]
+        panels = [_camera(firings, rig), _lidar(firings, rig, boxes), _radar(firings, rig, scene, time, boxes)]
         rows.append([_high(panel, panels[1].shape[0]) for panel in panels])
-        names.append(f"{spoken(name)}\n{_figures(scene.condition, firings)}")
+        names.append(f"{label(name)}\n{_figures(scene.condition, firings, rig)}")
     columns = ("camera", "LiDAR: colour is intensity", "radar: blue stands, orange moves")
     write_sheet(path, rows, row_names=names, column_names=columns, side=164)
 
 
-def _camera(firings: list[Firing]) -> Image:
-    frame = next(firing.data for firing in firings if isinstance(firing.data, CameraFrame))
-    height, width = frame.image.shape[:2]
-    return np.asarray(
-        cv2.resize(frame.image, (CAMERA_WIDTH, round(height * CAMERA_WIDTH / width)), interpolation=cv2.INTER_CUBIC),
-        np.uint8,
-    )
+def _camera(firings: list[Firing], rig: Rig) -> Image:
+    image = next(data_of(firings, rig.cameras)).image
+    size = (CAMERA_WIDTH, round(image.shape[0] * CAMERA_WIDTH / image.shape[1]))
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_CUBIC), np.uint8)
 
 
 def _lidar(firings: list[Firing], rig: Rig, boxes: Boxes) -> Image:
     ground = GROUND.canvas()
     GROUND.boxes(ground, boxes, BOX)
-    for firing in firings:
-        if isinstance(firing.data, LidarSweep):
-            points = transform(rig.lidars[firing.channel].ego_T_sensor, firing.data.points)
-            level = np.clip(255 * np.sqrt(firing.data.intensity / 100), 45, 235).astype(np.uint8)
-            colors = cv2.applyColorMap(level[:, None], cv2.COLORMAP_TURBO).reshape(-1, 3)[:, ::-1]
-            GROUND.points(ground, points, colors)
-            far = np.hypot(points[:, 0], points[:, 1]) > FAR
-            GROUND.points(ground, points[far], colors[far], radius=2)
+    for lidar, sweep in zip(rig.lidars.values(), data_of(firings, rig.lidars), strict=True):
+        points = transform(lidar.ego_T_sensor, sweep.points)
+        level = np.clip(255 * np.sqrt(sweep.intensity / 100), 45, 235).astype(np.uint8)
+        colors = cv2.applyColorMap(level[:, None], cv2.COLORMAP_TURBO).reshape(-1, 3)[:, ::-1]
+        GROUND.points(ground, points, colors)
+        far = np.hypot(points[:, 0], points[:, 1]) > FAR
+        GROUND.points(ground, points[far], colors[far], radius=2)
     return _turned(ground)
 
 
@@ -74,16 +68,15 @@ def _radar(firings: list[Firing], rig: Rig, scene: Scene, time: float, boxes: Bo
     ground = GROUND.canvas()
     GROUND.boxes(ground, boxes, BOX)
     global_T_ego = scene.ego.pose(time)
-    for firing in firings:
-        if isinstance(firing.data, RadarScan):
-            scan = firing.data
-            ego_T_sensor = invert(global_T_ego) @ scene.ego.pose(firing.time) @ rig.radars[firing.channel].ego_T_sensor
-            points = transform(ego_T_sensor, np.stack([scan.x, scan.y, np.zeros_like(scan.x)], axis=1))
-            velocity = np.stack([scan.vx_comp, scan.vy_comp], axis=1) @ ego_T_sensor[:2, :2].T
-            moving = np.hypot(scan.vx_comp, scan.vy_comp) > FAST
-            GROUND.points(ground, points[~moving], STILL, radius=2)
-            GROUND.points(ground, points[moving], MOVING, radius=2)
-            GROUND.arrows(ground, points[moving, :2], velocity[moving] / 2, MOVING)
+    for firing in (firing for firing in firings if firing.channel in rig.radars):
+        scan: Any = firing.data
+        ego_T_sensor = invert(global_T_ego) @ scene.ego.pose(firing.time) @ rig.radars[firing.channel].ego_T_sensor
+        points = transform(ego_T_sensor, np.stack([scan.x, scan.y, np.zeros_like(scan.x)], axis=1))
+        velocity = np.stack([scan.vx_comp, scan.vy_comp], axis=1) @ ego_T_sensor[:2, :2].T
+        moving = np.hypot(scan.vx_comp, scan.vy_comp) > FAST
+        GROUND.points(ground, points[~moving], STILL, radius=2)
+        GROUND.points(ground, points[moving], MOVING, radius=2)
+        GROUND.arrows(ground, points[moving, :2], velocity[moving] / 2, MOVING)
     return _turned(ground)
 
 
@@ -99,7 +92,7 @@ def _boxes(scene: Scene, time: float) -> Boxes:
 
 
 def _turned(ground: NDArray[np.uint8]) -> Image:
-    """A panel whose way up is ahead, with ahead to the right and left up."""
+    """The panel, drawn with ahead up, turned so that ahead is to the right."""
     return np.ascontiguousarray(np.rot90(ground, -1))
 
 
@@ -109,11 +102,10 @@ def _high(image: Image, height: int) -> Image:
     return np.pad(image, ((room // 2, room - room // 2), (0, 0), (0, 0))) if room > 0 else image[:height]
 
 
-def _figures(condition: Condition, firings: list[Firing]) -> str:
-    """What the scene is physically, and how much of it each sensor got."""
-    image = next(firing.data.image for firing in firings if isinstance(firing.data, CameraFrame))
-    lidar = [firing.data.body for firing in firings if isinstance(firing.data, LidarSweep)]
-    radar = [firing.data.body for firing in firings if isinstance(firing.data, RadarScan)]
+def _figures(condition: Condition, firings: list[Firing], rig: Rig) -> str:
+    """The physical conditions of the scene, and how much of it each sensor detects."""
+    image = next(data_of(firings, rig.cameras)).image
+    lidar, radar = ([data.body for data in data_of(firings, mounts)] for mounts in (rig.lidars, rig.radars))
     return "\n".join(
         [
             f"{condition.illuminance:,.0f} lux, sun {condition.sun_elevation:.0f}°",

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_gen.recording.faults import SceneFaults
-from data_gen.rig.rig import Camera, Lidar, Mount, Rig
+from data_gen.rig.mounts import Camera, Lidar, Mount
+from data_gen.rig.rig import Rig
 from data_gen.rig.rig_checks import MAX_JITTER
 from data_gen.scene.scene import Scene
 from data_gen.sensors.camera.camera import CameraFrame, render_camera

@@ -10,10 +10,11 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from data_gen.rig.mounts import Lidar, Mount
 from data_gen.sensors.camera.camera import CameraFrame
 from data_gen.sensors.lidar.lidar import LidarSweep
 from data_gen.sensors.radar.radar import RadarScan
-from fusion_net.common.fault_effects import smear
+from fusion_net.common.fault_effects import Rings, smear
 from fusion_net.common.faults import FaultPlan, SensorFaults
 
 Points = TypeVar("Points", LidarSweep, RadarScan)
@@ -34,16 +35,18 @@ class SceneFaults:
 
 
 def spoil(
-    data: CameraFrame | LidarSweep | RadarScan, faults: SensorFaults, *, ego_T_sensor: NDArray, stamp: int
+    data: CameraFrame | LidarSweep | RadarScan, faults: SensorFaults, *, mount: Mount, stamp: int
 ) -> CameraFrame | LidarSweep | RadarScan:
-    """What is left of a reading. ``ego_T_sensor`` is the reported mount, ``stamp`` the reported time in us."""
+    """What is left of a reading. ``mount`` is the reported one, ``stamp`` the reported time in us."""
     if not faults:
         return data
     if isinstance(data, CameraFrame):
         return replace(data, image=smear(data.image, faults.covered(*data.image.shape[:2])))
     if isinstance(data, LidarSweep):
-        return select(data, faults.kept(data.points, ego_T_sensor, stamp, ring=data.ring))
-    return select(data, faults.kept(np.stack([data.x, data.y, 0 * data.x], axis=1), ego_T_sensor, stamp))
+        assert isinstance(mount, Lidar)
+        rings = Rings(data.ring, mount.model.beams)
+        return select(data, faults.kept(data.points, mount.ego_T_sensor, stamp, rings))
+    return select(data, faults.kept(np.stack([data.x, data.y, 0 * data.x], axis=1), mount.ego_T_sensor, stamp))
 
 
 def select(data: Points, keep: NDArray[np.bool_]) -> Points:

@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import Any
 
 from data_gen.recording.writer import DECOY, token, write_json
-from data_gen.rig.rig import Camera, Rig
+from data_gen.rig.mounts import Camera, Lidar
+from data_gen.rig.rig import Rig
 from fusion_net.common.boxes import CATEGORY_TO_CLASS
 from fusion_net.common.geometry import to_quaternion
 
@@ -35,7 +36,6 @@ def write_tables(root: Path, dataset: str, rig: Rig, records: dict[Path, str]) -
 
 def _fixed_tables(dataset: str, rig: Rig) -> dict[str, list[dict[str, Any]]]:
     """Tables that no scene changes: names, sensors, calibration."""
-    modality = {c: "camera" if c in rig.cameras else "lidar" if c in rig.lidars else "radar" for c in rig.sensors}
     return {
         "category": [
             {"token": token("category", c), "name": c, "description": ""} for c in (*CATEGORY_TO_CLASS, DECOY)
@@ -49,7 +49,7 @@ def _fixed_tables(dataset: str, rig: Rig) -> dict[str, list[dict[str, Any]]]:
             }
             for i, level in enumerate(VISIBILITY)
         ],
-        "sensor": [{"token": token("sensor", c), "channel": c, "modality": modality[c]} for c in rig.sensors],
+        "sensor": [{"token": token("sensor", c), "channel": c, "modality": m} for c, m in rig.modalities.items()],
         "calibrated_sensor": [
             {
                 "token": token(dataset, rig.name, channel, "calibration"),
@@ -58,6 +58,7 @@ def _fixed_tables(dataset: str, rig: Rig) -> dict[str, list[dict[str, Any]]]:
                 "rotation": to_quaternion(mount.ego_T_sensor).tolist(),
                 "camera_intrinsic": mount.cam_K.tolist() if isinstance(mount, Camera) else [],
                 **({"width": mount.width, "height": mount.height} if isinstance(mount, Camera) else {}),
+                **({"beams": mount.model.beams} if isinstance(mount, Lidar) else {}),
             }
             for channel, mount in rig.sensors.items()
         ],

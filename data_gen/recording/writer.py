@@ -20,7 +20,8 @@ from data_gen.recording.capture import Data, Firing, capture, keyframe_times
 from data_gen.recording.faults import SceneFaults, spoil
 from data_gen.recording.point_files import write_lidar, write_radar
 from data_gen.recording.visibility import Seen
-from data_gen.rig.rig import Camera, Rig
+from data_gen.rig.mounts import Camera
+from data_gen.rig.rig import Rig
 from data_gen.scene.scene import Scene
 from data_gen.sensors.lidar.lidar import LidarSweep
 from data_gen.sensors.radar.radar import RadarScan
@@ -144,7 +145,7 @@ class _SceneWriter:
         kind = "samples" if firing.is_keyframe else "sweeps"
         suffix = {"camera": "jpg", "lidar": "pcd.bin", "radar": "pcd"}[self.rig.modalities[firing.channel]]
         filename = f"{kind}/{firing.channel}/{self.log}__{firing.channel}__{stamp}.{suffix}"
-        left = spoil(firing.data, firing.faults, ego_T_sensor=mount.ego_T_sensor, stamp=stamp)
+        left = spoil(firing.data, firing.faults, mount=mount, stamp=stamp)
         self._write_reading(self.root / filename, left)
         key = token(self.log, firing.channel, stamp)
         position, yaw, _ = self.scene.ego.at(firing.time)

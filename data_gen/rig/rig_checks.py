@@ -7,27 +7,21 @@ command that draws the rig.
 import math
 import re
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
+from data_gen.rig.mounts import Camera, Lidar, Mount, Radar
+from data_gen.rig.sensor_suite import ALL, SensorSuite
+from data_gen.road.ego import EGO_OUTLINE
 from fusion_net.common.cli.command_line import command_line
-
-if TYPE_CHECKING:
-    from data_gen.rig.rig import Camera, Lidar, Mount, Radar, Rig
 
 LOWEST = 0.1
 """Least height of a sensor over the road in metres."""
-BODY = ((-1.15, 3.85), (-1.0, 1.0))
-"""The car's outline in the ego frame: 5 x 2 m about a point 1.35 m ahead of the rear axle."""
 OPAQUE = {"cameras": 0.9, "lidars": 1.5, "radars": 1.5}
 """Height in metres up to which the body stops what a sensor sends or sees: cameras look out of windows."""
 WALL = 0.8
 """Metres of the body that may lie before a sensor: bumpers are hollow, and 77 GHz passes plastic."""
 HFOV_DEG, LARGEST = (1.0, 170.0), 8192
 """Horizontal fields of view in degrees that a pinhole has; most pixels of an image's side."""
-COLUMN = 32 * 1.44e-6
-"""Seconds that the LiDAR takes for a column of its 32 beams, recharging included (HDL-32E manual: 46.08 us)."""
-ALL = "all"
-"""In the place of a number of sweeps: every firing since the keyframe before."""
 MAX_JITTER = 4.0
 """Standard deviations, each a tenth of a period at most, that a firing is at most early or late: none overtakes another."""
 EPISODE_LEAD = 1.0
@@ -46,7 +40,7 @@ class Problem(NamedTuple):
     nearest: object | None
 
 
-def check_rig(rig: "Rig") -> None:
+def check_rig(rig: SensorSuite) -> None:
     """Raises ValueError for the first thing that cannot be."""
     for key, value, why, nearest in _problems(rig):
         what = f"{key}={_text(value)}" if value is not None else key
@@ -56,7 +50,7 @@ def check_rig(rig: "Rig") -> None:
         )
 
 
-def _problems(rig: "Rig") -> Iterator[Problem]:
+def _problems(rig: SensorSuite) -> Iterator[Problem]:
     if not 0 < rig.keyframe_rate < math.inf:
         yield Problem("keyframe_rate", rig.keyframe_rate, "Hz gives no keyframes", 2.0)
     if not rig.sensors:
@@ -82,7 +76,7 @@ def _named(group: str, channel: str) -> Iterator[Problem]:
         yield Problem(f"{group}.{channel}", None, why, None)
 
 
-def _of_mount(group: str, mount: "Mount", keyframe_rate: float) -> Iterator[Problem]:
+def _of_mount(group: str, mount: Mount, keyframe_rate: float) -> Iterator[Problem]:
     for key, usual in (("translation", [0.0, 0.0, 1.5]), ("rotation_deg", [0.0, 0.0, 0.0])):
         value = getattr(mount, key)
         if len(value) != 3 or not all(map(math.isfinite, value)):
@@ -107,10 +101,10 @@ def _of_mount(group: str, mount: "Mount", keyframe_rate: float) -> Iterator[Prob
     yield from {"cameras": _of_camera, "lidars": _of_lidar, "radars": _of_radar}[group](mount)  # type: ignore[operator]
 
 
-def _enclosed(group: str, mount: "Mount") -> Iterator[Problem]:
+def _enclosed(group: str, mount: Mount) -> Iterator[Problem]:
     """A sensor inside the body that looks through more of it than a bumper."""
     x, y, z = mount.translation
-    (back, front), (right, left) = BODY
+    (back, front), (right, left) = EGO_OUTLINE
     if not _in_outline(x, y) or z >= OPAQUE[group]:
         return
     forward, sideways = mount.ego_T_body[:2, 0].tolist()
@@ -125,11 +119,11 @@ def _enclosed(group: str, mount: "Mount") -> Iterator[Problem]:
 
 
 def _in_outline(x: float, y: float) -> bool:
-    (back, front), (right, left) = BODY
+    (back, front), (right, left) = EGO_OUTLINE
     return back < x < front and right < y < left
 
 
-def _of_camera(camera: "Camera") -> Iterator[Problem]:
+def _of_camera(camera: Camera) -> Iterator[Problem]:
     low, high = HFOV_DEG
     if not low <= camera.hfov_deg <= high:
         nearest = high if camera.hfov_deg > high else low
@@ -148,21 +142,22 @@ def _of_camera(camera: "Camera") -> Iterator[Problem]:
                 return
 
 
-def _of_lidar(lidar: "Lidar") -> Iterator[Problem]:
+def _of_lidar(lidar: Lidar) -> Iterator[Problem]:
     low, high = (*lidar.sector_deg, math.nan, math.nan)[:2]
     if len(lidar.sector_deg) != 2 or not (low < high <= low + 360 and abs(low) <= 360):
         turned = [high, low] if high < low <= high + 360 else [-180.0, 180.0]
         yield Problem("sector_deg", lidar.sector_deg, "is no sector [low, high] of at most 360 degrees", turned)
-    most = int(1 / (lidar.rate * COLUMN) + 0.5) if lidar.rate > 0 else 1
-    if not 1 <= lidar.columns <= most:
-        why = f"is not a number of firings that a turn of 1/{lidar.rate:g} s holds"
+    most = lidar.model.columns_in(1 / lidar.rate) if lidar.rate > 0 else 1
+    if lidar.columns is not None and not 1 <= lidar.columns <= most:
+        why = f"is not a number of columns that the {lidar.model.name} fires in a turn of 1/{lidar.rate:g} s"
         yield Problem("columns", lidar.columns, why, min(max(lidar.columns, 1), most))
-    yield from _positive(lidar, max_range=1.0)
+    if not 0 <= lidar.crosstalk <= 1:
+        yield Problem("crosstalk", lidar.crosstalk, "is not within [0, 1]", min(max(lidar.crosstalk, 0.0), 1.0))
     if not math.isfinite(lidar.cut_deg):
         yield Problem("cut_deg", lidar.cut_deg, "is no angle", 105.0)
 
 
-def _of_radar(radar: "Radar") -> Iterator[Problem]:
+def _of_radar(radar: Radar) -> Iterator[Problem]:
     if not 0 < radar.fov_deg <= 90:
         nearest = 90.0 if radar.fov_deg > 90 else 1.0
         yield Problem("fov_deg", radar.fov_deg, "is no half-angle of a field of view, (0, 90]", nearest)
@@ -171,25 +166,25 @@ def _of_radar(radar: "Radar") -> Iterator[Problem]:
     )
 
 
-def _positive(mount: "Mount", **least: float) -> Iterator[Problem]:
+def _positive(mount: Mount, **least: float) -> Iterator[Problem]:
     for key, low in least.items():
         value = getattr(mount, key)
         if not low <= value < math.inf:
             yield Problem(key, value, f"is less than {low:g} or endless", low)
 
 
-def _twins(rig: "Rig") -> Iterator[Problem]:
+def _twins(rig: SensorSuite) -> Iterator[Problem]:
     for group in PREFIX:
-        seen: list[tuple[str, Mount]] = []
+        before: list[tuple[str, Mount]] = []
         for channel, mount in getattr(rig, group).items():
-            for other, twin in seen:
+            for other, twin in before:
                 if mount == twin:
                     why = f"is {other} again, in the same place with the same view: move it, turn it or leave it out"
                     yield Problem(f"{group}.{channel}", None, why, None)
-            seen.append((channel, mount))
+            before.append((channel, mount))
 
 
-def _timing(rig: "Rig") -> Iterator[Problem]:
+def _timing(rig: SensorSuite) -> Iterator[Problem]:
     rate, clock = rig.keyframe_rate, rig.lidars[CLOCK]
     turns = max(1, round(clock.rate / rate))
     if not math.isclose(rate * turns, clock.rate, rel_tol=1e-6):
@@ -217,7 +212,7 @@ def _timing(rig: "Rig") -> Iterator[Problem]:
     yield from _unread_keyframes(rig)
 
 
-def _unread_keyframes(rig: "Rig") -> Iterator[Problem]:
+def _unread_keyframes(rig: SensorSuite) -> Iterator[Problem]:
     """Sensors so slow and so irregular that none of their firings may lie between two keyframes."""
     clock = rig.lidars[CLOCK]
     shortest = 1 / rig.keyframe_rate - 2 * MAX_JITTER * clock.jitter

@@ -8,6 +8,7 @@ from highway_env.road.road import LaneIndex, RoadNetwork
 from highway_env.vehicle.behavior import IDMVehicle
 from highway_env.vehicle.objects import RoadObject
 
+from data_gen.road.ego import EGO_SIZE
 from data_gen.road.footprints import overlaps
 from data_gen.road.halts import BRAKE, NEVER
 
@@ -97,8 +98,7 @@ class Driver(IDMVehicle):
     SLIP_RATE = 0.7  # rad/s
     MAX_STEERING_ANGLE = 0.63  # a slip of 0.35 rad, a circle of 7.3 m: a car cannot turn tighter
     LATERAL_MAX = 5.0  # m/s^2 across: highway-env's drivers turn with 11 and more
-    LENGTH = 5.0
-    WIDTH = 2.0
+    LENGTH, WIDTH = EGO_SIZE  # of everybody: bodies are put on the recorded tracks later
 
     road: Streets
     position: np.ndarray

@@ -14,6 +14,7 @@ from highway_env.road.lane import AbstractLane, StraightLane
 from numpy.typing import NDArray
 
 from data_gen.road.driver import Driver, Streets
+from data_gen.road.ego import REAR_AXLE
 from data_gen.road.footprints import overlaps
 from data_gen.road.halts import BRAKE, NEVER, Halt, choose_halt
 from data_gen.road.streets import CROSSING, LAYOUTS, PACE, build_network
@@ -29,8 +30,6 @@ STEP = 0.1
 """Seconds between records, at which everybody moves; tracks are Hermite splines in between."""
 DECISION = 2
 """Steps from one decision of a driver to the next."""
-REAR_AXLE = 1.35
-"""Distance in metres from the middle of the ego vehicle back to its rear axle, the origin of the ego frame."""
 MARGIN = 100.0
 """The world reaches this far beyond the ego's path, in metres."""
 SIGHT = 95.0

@@ -23,6 +23,11 @@ NEAR = 0.3
 _SHIFT = 4  # cv2 draws at 1/16 pixel
 
 
+def label(name: str) -> str:
+    """A name of the settings as text for a picture or a page."""
+    return {"dusk_glare_spray": "dusk, glare, spray"}.get(name, name.replace("_", " "))
+
+
 def depth_colors(depth: ArrayLike, far: float = 60.0) -> NDArray[np.uint8]:
     """Colours (N, 3) from red (near) to blue (``far`` metres), by the logarithm."""
     share = np.log(np.maximum(np.asarray(depth, float), 1.0)) / np.log(far)

@@ -1,7 +1,7 @@
 """What a fault does to a sensor: the effects that a ``faults.Fault`` is made of."""
 
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import cv2
 import numpy as np
@@ -20,6 +20,13 @@ MUD = 12
 """Level of 255 of what a blocked lens shows."""
 
 
+class Rings(NamedTuple):
+    """Which beam measured each point of a LiDAR."""
+
+    ring: NDArray  # (P,) from 0, the lowest beam
+    beams: int  # how many the LiDAR has
+
+
 class Effect:
     """What a fault does to a sensor. An effect overrides the hooks that it needs; the others leave all as it is.
 
@@ -30,6 +37,9 @@ class Effect:
     """Sensors that it can act on."""
     kills: ClassVar[bool] = False
     """Whether the sensor gives nothing."""
+
+    def check_lidar(self, channel: str, beams: int) -> None:
+        """Raises ValueError if it cannot act on a LiDAR of so many beams."""
 
     def late_firings(self) -> int:
         """How many firings ago the delivered data were taken."""
@@ -43,9 +53,9 @@ class Effect:
         """Where (4, 4) the sensor truly sits whose reported mount is ``ego_T_sensor``."""
         return ego_T_sensor
 
-    def kept(self, azimuth: Array, ring: NDArray | None, rng: Rng, rng_of_firing: Rng) -> Mask:
+    def kept(self, azimuth: Array, rings: Rings | None, rng: Rng, rng_of_firing: Rng) -> Mask:
         """Which points (P,) are left. ``azimuth`` (P,) radians from the sensor, counter-clockwise from the ego's x axis;
-        ``ring`` (P,) of a LiDAR's points."""
+        ``rings`` of a LiDAR's points."""
         return np.ones(len(azimuth), bool)
 
     def covered(self, height: int, width: int, rng: Rng) -> Mask | None:
@@ -60,7 +70,7 @@ class Dead(Effect):
 
     kills: ClassVar[bool] = True
 
-    def kept(self, azimuth: Array, ring: NDArray | None, rng: Rng, rng_of_firing: Rng) -> Mask:
+    def kept(self, azimuth: Array, rings: Rings | None, rng: Rng, rng_of_firing: Rng) -> Mask:
         """Nothing."""
         return np.zeros(len(azimuth), bool)
 
@@ -129,21 +139,25 @@ class Mismount(Effect):
 @beartype
 @dataclass(frozen=True, kw_only=True)
 class FewerBeams(Effect):
-    """A LiDAR of ``of`` beams keeps ``keep`` of them, evenly spaced."""
+    """A LiDAR keeps ``keep`` of its beams, evenly spaced."""
 
     modalities: ClassVar[tuple[str, ...]] = ("lidar",)
     keep: int
-    of: int = 32
 
     def __post_init__(self) -> None:
-        if not 1 <= self.keep <= self.of or self.of % self.keep:
-            fits = [n for n in range(1, self.of + 1) if self.of % n == 0]
-            raise ValueError(f"fault: keep={self.keep} of {self.of} beams; use {', '.join(map(str, fits))}")
+        _at_least(1, keep=self.keep)
 
-    def kept(self, azimuth: Array, ring: NDArray | None, rng: Rng, rng_of_firing: Rng) -> Mask:
-        """One ring of ``of`` / ``keep``."""
-        assert ring is not None
-        return ring.astype(int) % (self.of // self.keep) == 0
+    def check_lidar(self, channel: str, beams: int) -> None:
+        """It has to have more beams than are kept."""
+        if self.keep >= beams:
+            raise ValueError(
+                f"fault: keep={self.keep} takes no beam from {channel}, which has {beams}; use 1 to {beams - 1}"
+            )
+
+    def kept(self, azimuth: Array, rings: Rings | None, rng: Rng, rng_of_firing: Rng) -> Mask:
+        """The lowest ring and every (beams / ``keep``)-th above it."""
+        assert rings is not None
+        return rings.ring.astype(int) * self.keep % rings.beams < self.keep
 
 
 @beartype
@@ -160,7 +174,7 @@ class LostSector(Effect):
     def __post_init__(self) -> None:
         _at_least(0, width_deg=self.width_deg, spread_deg=self.spread_deg)
 
-    def kept(self, azimuth: Array, ring: NDArray | None, rng: Rng, rng_of_firing: Rng) -> Mask:
+    def kept(self, azimuth: Array, rings: Rings | None, rng: Rng, rng_of_firing: Rng) -> Mask:
         """What lies outside the sector."""
         center = self.center_deg + self.spread_deg * rng.uniform(-1, 1)
         from_center = (np.degrees(azimuth) - center + 180) % 360 - 180
@@ -178,7 +192,7 @@ class LostPoints(Effect):
     def __post_init__(self) -> None:
         _share(share=self.share)
 
-    def kept(self, azimuth: Array, ring: NDArray | None, rng: Rng, rng_of_firing: Rng) -> Mask:
+    def kept(self, azimuth: Array, rings: Rings | None, rng: Rng, rng_of_firing: Rng) -> Mask:
         """Drawn anew each firing."""
         return rng_of_firing.random(len(azimuth)) >= self.share
 

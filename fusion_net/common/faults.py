@@ -13,7 +13,7 @@ import numpy as np
 from beartype import beartype
 from numpy.typing import NDArray
 
-from fusion_net.common.fault_effects import Array, Effect, Mask, Number
+from fusion_net.common.fault_effects import Array, Effect, Mask, Number, Rings
 from fusion_net.common.random import stream
 from fusion_net.data.batch import MODALITIES
 
@@ -75,12 +75,16 @@ class FaultPlan:
     faults: list[Fault] = field(default_factory=list)
     seed: int = 0
 
-    def check(self, channels: Mapping[str, str]) -> None:
-        """ValueError for a sensor that is not among these channels (to modalities)."""
+    def check(self, channels: Mapping[str, str], beams: Mapping[str, int]) -> None:
+        """ValueError for a sensor that is not among these channels (to modalities), or an effect that is none on a LiDAR with
+        so many ``beams``, by channel."""
         known = [*MODALITIES, *channels]
         for fault in self.faults:
             if wrong := [sensor for sensor in fault.sensors if sensor not in known]:
                 raise ValueError(f"fault: there is no sensor {wrong[0]!r}; there are {', '.join(known)}")
+            for channel in fault.matches(channels):
+                if channel in beams:
+                    fault.effect.check_lidar(channel, beams[channel])
 
     def on(self, channel: str, channels: Mapping[str, str], *, scene: str, sample: str) -> "SensorFaults":
         """What ``channel`` suffers in a sample, given both tokens."""
@@ -121,13 +125,13 @@ class SensorFaults:
             ego_T_sensor = effect.true_mount(ego_T_sensor, stream(*key))
         return ego_T_sensor
 
-    def kept(self, points: NDArray, ego_T_sensor: Array, stamp: int, ring: NDArray | None = None) -> Mask:
-        """Which points (P, 3) of the sensor's frame are left of the firing reported at ``stamp`` us."""
+    def kept(self, points: NDArray, ego_T_sensor: Array, stamp: int, rings: Rings | None = None) -> Mask:
+        """Which points (P, 3) of the sensor's frame are left of the firing reported at ``stamp`` us; ``rings`` of a LiDAR's."""
         x, y = (points @ ego_T_sensor[:2, :3].T).T if self.drawn else np.zeros((2, len(points)))
         azimuth = np.arctan2(y, x)
         kept = np.ones(len(points), bool)
         for effect, key in self.drawn:
-            kept &= effect.kept(azimuth, ring, stream(*key), stream(*key, stamp))
+            kept &= effect.kept(azimuth, rings, stream(*key), stream(*key, stamp))
         return kept
 
     def covered(self, height: int, width: int) -> Mask | None:

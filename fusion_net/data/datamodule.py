@@ -56,7 +56,7 @@ class NuScenesDataset(Dataset):
         refuse_missing_files(self.index, self.reader)
         refuse_unlike_images(self.reader, self.index)
         for tree in self.trees:
-            FaultPlan(self.reader.faults).check(tree.modalities)
+            FaultPlan(self.reader.faults).check(tree.modalities, tree.beams)
         self._decoded: dict[int, Sample] = {}
 
     def __len__(self) -> int:

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from fusion_net.common.fault_effects import Rings
 from fusion_net.data.batch import LIDAR_CHANNELS, RADAR_CHANNELS
 from fusion_net.data.sensor_frames import Moment, Reading
 from fusion_net.nuscenes.ego_path import ego_path
@@ -21,7 +22,8 @@ def lidar_cloud(moment: Moment, reading: Reading) -> NDArray[np.float32]:
     own = (np.abs(points[:, 0]) < OWN_CAR) & (np.abs(points[:, 1]) < OWN_CAR)
     keep = ~own & np.isfinite(points.sum(axis=1))
     if reading.faults:
-        keep &= reading.faults.kept(points[:, :3], reading.reported_mount, reading.stamp, ring=points[:, 4])
+        rings = Rings(points[:, 4], moment.tree.beams[moment.tree.channel(reading.record)])
+        keep &= reading.faults.kept(points[:, :3], reading.reported_mount, reading.stamp, rings)
     points, time = points[keep], time[keep]
     ego_T_lidar = reading.ego_T_sensor.astype(np.float32)
     cloud = np.empty((len(points), len(LIDAR_CHANNELS)), np.float32)

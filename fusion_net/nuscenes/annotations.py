@@ -3,16 +3,13 @@
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from fusion_net.common.boxes import CATEGORY_TO_CLASS, CLASSES, Boxes
-
-if TYPE_CHECKING:
-    from fusion_net.nuscenes.nuscenes import NuScenes
+from fusion_net.nuscenes.table_fields import Tables
 
 MAX_TIME_DIFF = 1.5
 """Seconds between an instance's annotations beyond which nuScenes knows no velocity; twice that where it is
@@ -68,18 +65,18 @@ class AnnotationTable:
     """Every annotation of a tree, and which rows a sample has. ``label`` of ``everything`` indexes CLASSES, -1 for
     none."""
 
-    def __init__(self, tree: "NuScenes") -> None:
-        records = list(tree.tables["sample_annotation"].values())
+    def __init__(self, tables: Tables) -> None:
+        records = list(tables["sample_annotation"].values())
         self._rows_of: dict[str, list[int]] = defaultdict(list)
         for row, record in enumerate(records):
             self._rows_of[record["sample_token"]].append(row)
-        categories = [_category(tree, record) for record in records]
+        categories = [_category(tables, record) for record in records]
         center = _column(records, "translation", (-1, 3))
         boxes = Boxes.labels(
             center,
             _column(records, "size", (-1, 3)),
             _yaw(_column(records, "rotation", (-1, 4))),
-            _velocity(tree, records, center),
+            _velocity(tables, records, center),
             np.array([_CLASS_INDEX.get(CATEGORY_TO_CLASS.get(name, ""), -1) for name in categories], np.int64),
         )
         self._everything = Annotations(
@@ -87,7 +84,7 @@ class AnnotationTable:
             _column(records, "num_lidar_pts", -1).astype(np.int64),
             _column(records, "num_radar_pts", -1).astype(np.int64),
             np.array([int(record["visibility_token"] or 0) for record in records], np.int64),
-            np.array([_attribute(tree, record) for record in records], dtype=np.str_),
+            np.array([_attribute(tables, record) for record in records], dtype=np.str_),
             np.array([record["instance_token"] for record in records], dtype=np.str_),
         )
         self._racks_of: dict[str, list[dict]] = defaultdict(list)
@@ -117,14 +114,14 @@ def _column(records: list[dict], field: str, shape) -> NDArray[np.float64]:
     return np.array([record[field] for record in records], float).reshape(shape)
 
 
-def _category(tree: "NuScenes", record: dict) -> str:
-    instance = tree.get("instance", record["instance_token"])
-    return tree.get("category", instance["category_token"])["name"]
+def _category(tables: Tables, record: dict) -> str:
+    instance = tables["instance"][record["instance_token"]]
+    return tables["category"][instance["category_token"]]["name"]
 
 
-def _attribute(tree: "NuScenes", record: dict) -> str:
+def _attribute(tables: Tables, record: dict) -> str:
     tokens = record["attribute_tokens"]
-    return tree.get("attribute", tokens[0])["name"] if tokens else ""
+    return tables["attribute"][tokens[0]]["name"] if tokens else ""
 
 
 def _yaw(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -133,14 +130,14 @@ def _yaw(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
 
 
-def _velocity(tree: "NuScenes", records: list[dict], center: NDArray[np.float64]) -> NDArray[np.float64]:
+def _velocity(tables: Tables, records: list[dict], center: NDArray[np.float64]) -> NDArray[np.float64]:
     """(N, 2) m/s by differences between the neighbours in time, as the devkit's ``box_velocity``: one-sided at a
     track's ends, NaN for a lone annotation or too long a gap. A track ends where its next label is not in the table."""
     row_of = {record["token"]: row for row, record in enumerate(records)}
     own = np.arange(len(records))
     before = np.array([row_of.get(r["prev"], row) for row, r in enumerate(records)], np.int64)
     after = np.array([row_of.get(r["next"], row) for row, r in enumerate(records)], np.int64)
-    time = np.array([tree.get("sample", record["sample_token"])["timestamp"] for record in records], np.int64) * 1e-6
+    time = np.array([tables["sample"][record["sample_token"]]["timestamp"] for record in records], np.int64) * 1e-6
     gap = time[after] - time[before]
     limit = MAX_TIME_DIFF * np.where((before != own) & (after != own), 2, 1)
     known = (gap > 0) & (gap <= limit)

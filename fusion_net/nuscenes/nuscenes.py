@@ -143,6 +143,12 @@ class NuScenes:
         return np.array(mount["camera_intrinsic"], float)
 
     @cached_property
+    def beams(self) -> dict[str, int]:
+        """How many beams each LiDAR has, by channel: 32 where the tree does not say, as in nuScenes."""
+        mounts = {self._channel_of[token]: mount for token, mount in self.tables["calibrated_sensor"].items()}
+        return {channel: mounts[channel].get("beams", 32) for channel in self.channels("lidar") if channel in mounts}
+
+    @cached_property
     def splits(self) -> dict[str, list[str]]:
         """Scene names by split; "all" is every scene."""
         return read_splits(self.folder, [scene["name"] for scene in self.tables["scene"].values()])
@@ -196,7 +202,7 @@ class NuScenes:
 
     @cached_property
     def _annotation_table(self) -> AnnotationTable:
-        return AnnotationTable(self)
+        return AnnotationTable(self.tables)
 
 
 def _transforms(table: dict[str, Record]) -> dict[str, NDArray[np.float64]]:

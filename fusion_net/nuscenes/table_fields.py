@@ -143,7 +143,7 @@ FIELDS: dict[str, dict[str, Field]] = {
 """The tables that are read, and the fields that a record of each must have."""
 
 OPTIONAL: dict[str, dict[str, Field]] = {
-    "calibrated_sensor": {"height": _whole(1), "width": _whole(1)},
+    "calibrated_sensor": {"height": _whole(1), "width": _whole(1), "beams": _whole(1)},
     "scene": {"condition": CONDITION, "layout": TEXT},
     "sample_data": {"height": _whole(0), "width": _whole(0), "next": _token("sample_data", or_none=True)},
     "sample_annotation": {"imitates": TEXT, "velocity": _numbers(2, "two finite numbers in m/s")},

@@ -10,9 +10,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from fusion_net.common.boxes import CLASSES
+from fusion_net.common.drawing import label
 from fusion_net.reports import dataset_page_objects as objects
 from fusion_net.reports import dataset_page_sensors as sensors
-from fusion_net.reports.dataset_page_style import Drawing, draw, spoken
+from fusion_net.reports.dataset_page_style import Drawing, draw
 from fusion_net.reports.dataset_summary import Summary
 from fusion_net.reports.dataset_survey import Survey
 
@@ -110,7 +111,7 @@ def render_page(found: Survey, summary: Summary) -> str:
 
 
 def _layouts(summary: Summary) -> str:
-    return html.escape(", ".join(f"{spoken(name)} ({count})" for name, count in summary["layouts"].items()))
+    return html.escape(", ".join(f"{label(name)} ({count})" for name, count in summary["layouts"].items()))
 
 
 def _facts(summary: Summary) -> str:
@@ -133,7 +134,7 @@ def _film(found: Survey) -> str:
     several = {kind[0] for kind in order if kind[1] > 1}
     shots = []
     for kind in order[:24]:
-        text = spoken(kind[0]) + (f", severity {kind[1]}" if kind[0] in several else "")
+        text = label(kind[0]) + (f", severity {kind[1]}" if kind[0] in several else "")
         shots.append(
             f'<figure><img alt="" src="{_inline(_jpeg(found.pictures[kind]), "jpeg")}">'
             f"<figcaption>{html.escape(text)}</figcaption></figure>"
@@ -171,7 +172,7 @@ def _condition_rows(summary: Summary) -> tuple[list[str], list[list[str]]]:
     names = ("brightness", "contrast", "lidar_points", "radar_returns")
     return head, [
         [
-            spoken(entry["condition"]),
+            label(entry["condition"]),
             *(f"{entry[key]:,}" for key in ("severity", "scenes", "keyframes", "objects")),
             *(_figure(entry[name]["mean"]) for name in names),
         ]
@@ -201,7 +202,7 @@ def _class_rows(summary: Summary) -> tuple[list[str], list[list[str]]]:
         ]
         rows.append(
             [
-                spoken(name), f"{entry['objects']:,}", _percent(entry["moving"]), *size,
+                label(name), f"{entry['objects']:,}", _percent(entry["moving"]), *size,
                 _figure(entry["lidar_points"]["mean"]), _figure(entry["radar_points"]["mean"], 1),
                 _percent(entry["with_radar"]), _figure(entry["rcs"]["mean"], 1),
             ]

@@ -5,7 +5,8 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Circle, Rectangle
 
 from fusion_net.common.boxes import CLASSES
-from fusion_net.reports.dataset_page_style import COLOR_OF, GROUPS, spoken, stacked
+from fusion_net.common.drawing import label
+from fusion_net.reports.dataset_page_style import COLOR_OF, GROUPS, stacked
 from fusion_net.reports.dataset_summary import RANGES, SPEEDS, VISIBILITY, Summary
 from fusion_net.reports.dataset_survey import Survey
 
@@ -13,7 +14,7 @@ from fusion_net.reports.dataset_survey import Survey
 def classes(axes: Axes, found: Survey, summary: Summary) -> None:
     """Objects of each class as bars, at the end their number and share."""
     counts = [summary["classes"][name]["objects"] for name in CLASSES]
-    bars = axes.barh([spoken(name) for name in CLASSES], counts, color=[COLOR_OF[name] for name in CLASSES], height=0.7)
+    bars = axes.barh([label(name) for name in CLASSES], counts, color=[COLOR_OF[name] for name in CLASSES], height=0.7)
     labels = [f" {count:,}  ({count / max(sum(counts), 1):.0%})" for count in counts]
     axes.bar_label(bars, labels, fontsize=8, color="#444444")
     axes.invert_yaxis()
@@ -48,11 +49,11 @@ def ranges(axes: Axes, found: Survey, summary: Summary) -> None:
 
 def speeds(axes: Axes, found: Survey, summary: Summary) -> None:
     """Speeds of what moves, stacked by group; what is at rest is said in the title."""
-    speed, label = found.objects.speed, found.objects.label
+    speed, of_class = found.objects.speed, found.objects.label
     edges = np.arange(0, 36, 1.5)
     moving = speed > SPEEDS[1]
     chosen = {
-        name: [np.histogram(speed[moving & (label == CLASSES.index(c))], edges)[0] for c in of]
+        name: [np.histogram(speed[moving & (of_class == CLASSES.index(c))], edges)[0] for c in of]
         for name, (_, of) in GROUPS.items()
     }
     stacked(axes, edges, chosen)
@@ -69,7 +70,7 @@ def visibility(axes: Axes, found: Survey, summary: Summary) -> None:
     left = np.zeros(len(CLASSES))
     for level, color in zip(range(1, 5), ("#d9d4c7", "#b8c4bb", "#6f9a8d", "#2d6a60"), strict=True):
         axes.barh(
-            [spoken(name) for name in CLASSES],
+            [label(name) for name in CLASSES],
             rows[:, level],
             left=left,
             color=color,
@@ -101,14 +102,14 @@ def crowd(axes: Axes, found: Survey, summary: Summary) -> None:
 def sizes(axes: Axes, found: Survey, summary: Summary) -> None:
     """Footprints to scale, nose to the left: every size that occurs in a class, one above the other."""
     left = 0.0
-    for label, name in enumerate(CLASSES):
-        mine = np.unique(found.objects.wlh[found.objects.label == label].round(2), axis=0)[:40]
+    for index, name in enumerate(CLASSES):
+        mine = np.unique(found.objects.wlh[found.objects.label == index].round(2), axis=0)[:40]
         room = max(float(mine[:, 1].max(initial=0.0)), 4.2)
         for width, length, _ in mine.tolist():
             corner = (left + (room - length) / 2, -width / 2)
             axes.add_patch(Rectangle(corner, length, width, facecolor=COLOR_OF[name] + "22", edgecolor=COLOR_OF[name]))
         axes.annotate(
-            spoken(name).replace(" ", "\n"), (left + room / 2, -2.1), ha="center", va="top", fontsize=8, color="#444444"
+            label(name).replace(" ", "\n"), (left + room / 2, -2.1), ha="center", va="top", fontsize=8, color="#444444"
         )
         left += room + 1.2
     axes.set_xlim(-0.5, left)

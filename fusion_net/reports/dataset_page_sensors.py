@@ -6,7 +6,8 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from fusion_net.common.boxes import CLASSES
-from fusion_net.reports.dataset_page_style import COLOR_OF, FIVE, spoken
+from fusion_net.common.drawing import label
+from fusion_net.reports.dataset_page_style import COLOR_OF, FIVE
 from fusion_net.reports.dataset_summary import RANGES, Summary, all_returns
 from fusion_net.reports.dataset_survey import Survey
 
@@ -27,7 +28,7 @@ def conditions(axes: Axes, found: Survey, summary: Summary) -> None:
         of = {e["condition"]: e["scenes"] for e in summary["conditions"] if e["severity"] == severity}
         width = np.array([of.get(name, 0) for name in names])
         bars = axes.barh(
-            [spoken(name) for name in names], width, left=left, color=SEVERITY[min(severity, 4) - 1], height=0.7,
+            [label(name) for name in names], width, left=left, color=SEVERITY[min(severity, 4) - 1], height=0.7,
             label=f"severity {severity}",
         )  # fmt: skip
         axes.bar_label(bars, [str(n) if n else "" for n in width], label_type="center", color="white", fontsize=8)
@@ -54,10 +55,10 @@ def takings(axes: Axes, found: Survey, summary: Summary) -> None:
     for i, (text, (color, height)) in enumerate(kinds.items()):
         axes.bar(place + 0.27 * (i - 1), height, 0.25, color=color, label=text)
     axes.axhline(1.0, color="#888888", linewidth=0.8)
-    axes.set_xticks(place, [spoken(name).replace(" ", "\n") for name in names], fontsize=8)
+    axes.set_xticks(place, [label(name).replace(" ", "\n") for name in names], fontsize=8)
     axes.grid(axis="x", visible=False)
     axes.set_ylim(top=1.2 * axes.get_ylim()[1])
-    axes.set_ylabel(f"relative to {spoken(names[base])}, objects {NEAR[0]} to {NEAR[1]} m away", fontsize=7.5)
+    axes.set_ylabel(f"relative to {label(names[base])}, objects {NEAR[0]} to {NEAR[1]} m away", fontsize=7.5)
     axes.legend(ncols=3, loc="upper center", fontsize=7.5, columnspacing=1.0)
 
 
@@ -84,7 +85,7 @@ def brightness(axes: Axes, found: Survey, summary: Summary) -> None:
         mine = [reading for reading in found.readings if found.condition[reading.keyframe] == name]
         axes.scatter(
             [r.brightness for r in mine], [r.contrast for r in mine], s=14, alpha=0.7, color=color, linewidths=0,
-            label=spoken(name),
+            label=label(name),
         )  # fmt: skip
     axes.set_xlabel("mean of the image, 0 to 255")
     axes.set_ylabel("standard deviation")
@@ -95,7 +96,7 @@ def layouts(axes: Axes, found: Survey, summary: Summary) -> None:
     """Scenes of each road layout."""
     names = sorted(summary["layouts"], key=lambda name: -summary["layouts"][name])
     bars = axes.barh(
-        [spoken(name) for name in names], [summary["layouts"][name] for name in names], color="#7d9aa8", height=0.7
+        [label(name) for name in names], [summary["layouts"][name] for name in names], color="#7d9aa8", height=0.7
     )
     axes.bar_label(bars, fontsize=8, padding=3, color="#444444")
     axes.invert_yaxis()
@@ -123,7 +124,7 @@ def _by_range(axes: Axes, summary: Summary, figure: str) -> None:
         values = np.array(summary["classes"][name][figure], float)
         values[values == 0] = np.nan  # no place on a logarithmic axis
         style = "-" if name in FIVE else ":"
-        axes.plot(middle, values, style, marker="o", markersize=3, color=COLOR_OF[name], label=spoken(name))
+        axes.plot(middle, values, style, marker="o", markersize=3, color=COLOR_OF[name], label=label(name))
     axes.set_xlabel("distance from the car, m")
     axes.legend(ncols=2)
 
@@ -137,7 +138,7 @@ def rcs(axes: Axes, found: Survey, summary: Summary) -> None:
         mine = np.concatenate([np.zeros(0), *(reading.rcs_of.get(name, np.zeros(0)) for reading in found.readings)])
         if len(mine) > 20:
             density, _ = np.histogram(mine, edges, density=True)
-            axes.plot(edges[:-1] + 1, density, color=COLOR_OF[name], linewidth=1.6, label=spoken(name))
+            axes.plot(edges[:-1] + 1, density, color=COLOR_OF[name], linewidth=1.6, label=label(name))
     mean, deviation = CRN_RCS
     top = axes.get_ylim()[1]
     axes.errorbar(mean, 1.04 * top, xerr=deviation, fmt="o", color="#333333", capsize=3, markersize=4)

@@ -50,8 +50,3 @@ def stacked(axes: Axes, edges, counts: dict[str, list]) -> None:
         bottom += height
     axes.grid(axis="x", visible=False)
     axes.legend()
-
-
-def spoken(name: str) -> str:
-    """A name of the settings as one says it."""
-    return name.replace("_", " ")

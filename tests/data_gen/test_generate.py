@@ -12,10 +12,12 @@ from data_gen.episode import Scenario
 from data_gen.generate import DataConfig, Job, generate, record_path
 from data_gen.jobs.manifest import FORMAT, only_generator, without_place
 from data_gen.jobs.shard import Shard
-from data_gen.rig.rig import Camera, Lidar, Radar, Rig
+from data_gen.rig.mounts import Camera, Lidar, Radar
+from data_gen.rig.rig import Rig
 from data_gen.scene.conditions import ConditionMix, Preset
 from fusion_net.common.cli.command import CONFIGS
 from fusion_net.nuscenes.nuscenes import NuScenes
+from tests.fixtures.lidar_models import HDL32E
 
 COMMAND = "python -m data_gen data=nano condition=fog"
 
@@ -35,7 +37,7 @@ def rig():
                 hfov_deg=70.0,
             )
         },
-        lidars={"LIDAR_TOP": Lidar(translation=[0.9, 0.0, 1.8], rate=10.0, columns=180)},
+        lidars={"LIDAR_TOP": Lidar(model=HDL32E, translation=[0.9, 0.0, 1.8], rate=10.0, columns=180)},
         radars={"RADAR_FRONT": Radar(translation=[3.4, 0.0, 0.5], rate=20.0)},
     )
 

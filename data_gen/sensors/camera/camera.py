@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_gen.jobs.jit import jit
-from data_gen.rig.rig import Camera
+from data_gen.rig.mounts import Camera
 from data_gen.scene.scene import Hits, Scene
 from data_gen.scene.spray import plumes_at
 from data_gen.sensors.camera import glare, lens

@@ -27,7 +27,7 @@ class Returns(NamedTuple):
         return Returns(*(np.asarray(field)[chosen] for field in self))
 
     def dimmed(self, transmission: Array) -> "Returns":
-        """The same behind something that lets a share (E,) of the power through."""
+        """The same behind something that transmits a fraction (E,) of the power."""
         return self._replace(snr=self.snr * transmission, byte=self.byte * transmission)
 
 
@@ -53,20 +53,20 @@ def detection_probability(snr: ArrayLike) -> Array:
     return 0.99 / (1 + np.maximum(snr, 1e-9) ** (-15 / np.log(10)))
 
 
-def range_sigma(snr: ArrayLike) -> Array:
-    """Standard deviation of range in metres: 0.09 / sqrt(2 SNR) (LISA) over a floor of 1 cm."""
-    return 0.09 / np.sqrt(2 * np.asarray(snr)) + 0.01
+def range_sigma(snr: ArrayLike, *, noise: float) -> Array:
+    """Standard deviation of range in metres: 0.09 / sqrt(2 SNR) (LISA) over that of a strong return, ``noise``."""
+    return 0.09 / np.sqrt(2 * np.asarray(snr)) + noise
 
 
 def rough_cosine(cosine: Array) -> Array:
-    """What takes the place of cos(incidence) on the ground: A cos + B sin^2, the law of Oren and Nayar for light that goes
+    """What replaces cos(incidence) on the ground: A cos + B sin^2, the law of Oren and Nayar for light that goes
     back where it came from, with facets of 0.5 rad (variance 0.25). Smooth asphalt would be lost from 14 m on."""
     a, b = 1 - 0.5 * 0.25 / (0.25 + 0.33), 0.45 * 0.25 / (0.25 + 0.09)
     return a * cosine + b * (1 - cosine**2)
 
 
 def film_loss(cosine: Array, film: float) -> Array:
-    """Share (N,) of the diffuse reflection of a ground that a water film of ``film`` mm leaves at cos(incidence) (N,).
+    """Fraction (N,) of the diffuse reflection of a ground that a water film of ``film`` mm leaves at cos(incidence) (N,).
 
     (1 - f) + f T^2 with f = min(film / 1.2 mm, 1) and T the unpolarised Fresnel transmission into water, passed twice: at a
     grazing angle the light is mirrored away (LiDAR_snow_sim).

@@ -1,7 +1,8 @@
-"""Rain and fog in a LiDAR's beam: the strongest of all echoes from the air, drawn at once and without a loop over drops.
+"""Rain and fog in a LiDAR's beam: the strongest of all echoes from the air, sampled at once and without a loop over drops.
 
 Let M(p, r) be the expected number of echoes from nearer than r that are stronger than p. They are independent, so the
-strongest is weaker than p with the probability exp(-M(p, r)): it is M^-1 of an exponential draw. M is tabulated once a weather.
+strongest is weaker than p with the probability exp(-M(p, r)): it is M^-1 of an exponential variate.
+M is tabulated once per weather.
 """
 
 from functools import lru_cache
@@ -14,8 +15,6 @@ from data_gen.sensors.lidar.power import WATER_INDEX
 
 Array = NDArray[np.float64]
 
-DIVERGENCE = 3e-3
-"""Radians of the beam's full width (LISA)."""
 NEAREST = 1.5
 """Metres of the nearest echo of a drop (LISA)."""
 DROP = ((WATER_INDEX - 1) / (WATER_INDEX + 1)) ** 2
@@ -23,25 +22,26 @@ DROP = ((WATER_INDEX - 1) / (WATER_INDEX + 1)) ** 2
 PULSE = 0.75
 """Metres of air that return light at a time: c / 2 x 5 ns."""
 OVERLAP = 7.5
-"""Metres from which the receiver sees the whole beam; nearer it sees a share that grows with the square."""
+"""Metres from which the receiver sees the whole beam; nearer it sees a fraction that grows with the square."""
 BACKSCATTER = 0.046 / np.log(20.0)
 """Backscatter over extinction of fog in 1/sr: beta = 0.046 / MOR (Rasshofer 2011, Hahner 2021)."""
 
 RANGES = np.linspace(1.0, 51.0, 201)
-"""Metres at which M is tabulated; nothing in the air is heard from farther away."""
+"""Metres at which M is tabulated; nothing in the air is detected from farther away."""
 LEVELS = 0.25 * 1.06 ** np.arange(100)
 """Powers in units of the least detectable at which M is tabulated."""
 
 
-def drop_echoes(power: ArrayLike, distance: ArrayLike, rain_rate: float) -> Array:
-    """Drops a metre of beam at ``distance`` that return more than ``power``: reflectivity / m^2, both broadcast.
+def drop_echoes(power: ArrayLike, distance: ArrayLike, rain_rate: float, divergence: float) -> Array:
+    """Drops per metre of beam at ``distance`` that return more than ``power``: reflectivity / m^2, both broadcast.
+    ``divergence`` is the full width of the beam in rad.
 
     Drops of diameter D number N(D) = 8000 exp(-L D) per m^3 and mm, L = 4.1 R^-0.21 / mm (Marshall and Palmer), and return
     DROP (D / beam width)^2 / r^2.
     """
     shape = 4.1 * rain_rate**-0.21
-    least = 1e3 * DIVERGENCE * np.square(distance) * np.sqrt(np.asarray(power) / DROP)  # mm
-    section = np.pi / 4 * np.square(DIVERGENCE * np.asarray(distance))
+    least = 1e3 * divergence * np.square(distance) * np.sqrt(np.asarray(power) / DROP)  # mm
+    section = np.pi / 4 * np.square(divergence * np.asarray(distance))
     return section * 8000 / shape * np.exp(-shape * least) * (np.asarray(distance) > NEAREST)
 
 
@@ -57,27 +57,27 @@ def fog_power(distance: ArrayLike, mist: float, extinction: float) -> Array:
 
 
 @lru_cache(maxsize=8)
-def echo_table(rain_rate: float, mist: float, extinction: float, max_range: float) -> Array:
+def echo_table(rain_rate: float, mist: float, extinction: float, max_range: float, divergence: float) -> Array:
     """M at ``LEVELS`` and ``RANGES`` (K, R). The power of one parcel of fog is exponentially distributed (speckle)."""
     power, middle = LEVELS[:, None] * 0.9 / max_range**2, (RANGES[1:] + RANGES[:-1]) / 2
     density = np.zeros((len(power), len(middle)))
     if rain_rate > 0:
-        density += drop_echoes(power * np.exp(2 * extinction * middle), middle, rain_rate)
+        density += drop_echoes(power * np.exp(2 * extinction * middle), middle, rain_rate, divergence)
     if mist > 0:
         density += np.exp(-power / fog_power(middle, mist, extinction)) / PULSE
     return np.concatenate([np.zeros((len(power), 1)), np.cumsum(density * np.diff(RANGES), axis=1)], axis=1)
 
 
-def draw_echoes(table: Array, reach: Array, rng: np.random.Generator) -> tuple[NDArray[np.int64], Array, Array]:
+def sample_echoes(table: Array, reach: Array, rng: np.random.Generator) -> tuple[NDArray[np.int64], Array, Array]:
     """The strongest echo from the air before ``reach`` (N,) metres: ray (E,), distance (E,) in metres and power (E,) in units
     of the least detectable, of those rays that have one of more than a quarter of that."""
-    snr, distance = _draw(table, reach, rng.exponential(size=len(reach)), rng.random(len(reach)))
+    snr, distance = _sample(table, reach, rng.exponential(size=len(reach)), rng.random(len(reach)))
     ray = np.flatnonzero(snr)
     return ray, distance[ray], snr[ray]
 
 
 @jit
-def _draw(table, reach, tail, share):
+def _sample(table, reach, tail, quantile):
     snr, distance = np.zeros(len(reach)), np.zeros(len(reach))
     last = len(RANGES) - 1
     for i in range(len(reach)):
@@ -95,7 +95,7 @@ def _draw(table, reach, tail, share):
         part = min((a - tail[i]) / max(a - b, 1e-12), 1.0)
         snr[i] = LEVELS[low] * (LEVELS[high] / LEVELS[low]) ** part
         # Where: as the echoes of this power are distributed.
-        wanted, near, far = share[i] * (a - b), 0, int(at) + 1
+        wanted, near, far = quantile[i] * (a - b), 0, int(at) + 1
         while far - near > 1:
             middle = (near + far) // 2
             if table[low, middle] - table[high, middle] <= wanted:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from data_gen.rig.rig import Radar
+from data_gen.rig.mounts import Radar
 from data_gen.scene.scene import NOTHING, Scene
 from data_gen.scene.spray import EXTINCTION, plumes_at
 from data_gen.sensors.radar.detection import CLUTTER, RAIN, SPRAY, THRESHOLD, Array, Echoes, link_budget_db

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from data_gen.jobs.jit import jit
-from data_gen.rig.rig import Radar
+from data_gen.rig.mounts import Radar
 from fusion_net.common.geometry import wrap_angle
 
 Array = NDArray[np.float64]

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_gen.jobs.jit import jit
-from data_gen.rig.rig import Radar
+from data_gen.rig.mounts import Radar
 from data_gen.scene.scene import WORLD, Scene
 from data_gen.sensors.radar.detection import DIRECT, UNDERBODY, Array, Echoes, link_budget_db
 

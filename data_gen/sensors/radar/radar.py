@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from data_gen.rig.rig import Radar
+from data_gen.rig.mounts import Radar
 from data_gen.scene.scene import Scene
 from data_gen.sensors.radar.clutter import false_detections, spray_echoes
 from data_gen.sensors.radar.detection import Array, Echoes, detect, link_budget_db

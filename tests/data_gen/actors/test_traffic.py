@@ -10,8 +10,9 @@ from scipy.stats import binom, ks_2samp
 from data_gen.actors.roadside_actors import DECOY_SHARE
 from data_gen.actors.stage import Stage
 from data_gen.actors.traffic import populate, towed
+from data_gen.road.ego import REAR_AXLE
 from data_gen.road.footprints import Occupancy, overlaps
-from data_gen.road.layout import LAYOUTS, REAR_AXLE, Layout, record_layout
+from data_gen.road.layout import LAYOUTS, Layout, record_layout
 from data_gen.road.track import Track
 from data_gen.scene.scene import STANDSTILL, Actor
 from data_gen.world.marks import crossings

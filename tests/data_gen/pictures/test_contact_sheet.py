@@ -4,16 +4,19 @@ import cv2
 import numpy as np
 import pytest
 
-from data_gen.pictures.contact_sheet import GAP, HEAD, SIDE, draw_layouts, episode, only, write_sheet
+from data_gen.pictures.contact_sheet import draw_layouts
 from data_gen.pictures.sensor_sheet import draw_sensors
-from data_gen.rig.rig import Camera, Lidar, Radar, Rig
+from data_gen.pictures.sheet import GAP, HEAD, SIDE, short_scene, single_condition, write_sheet
+from data_gen.rig.mounts import Camera, Lidar, Radar
+from data_gen.rig.rig import Rig
 from data_gen.scene.conditions import ConditionMix, Preset
+from tests.fixtures.lidar_models import HDL32E
 
 CAMERA = Camera(translation=[1.7, 0.0, 1.5], rate=30.0, width=48, height=24, hfov_deg=70.0)
 RIG = Rig(
     name="tiny",
     cameras={"CAM_FRONT": CAMERA},
-    lidars={"LIDAR_TOP": Lidar(translation=[0.9, 0.0, 1.8], rate=10.0, columns=180)},
+    lidars={"LIDAR_TOP": Lidar(model=HDL32E, translation=[0.9, 0.0, 1.8], rate=10.0, columns=180)},
     radars={"RADAR_FRONT": Radar(translation=[3.4, 0.0, 0.5], rate=20.0)},
 )
 DAY = Preset(illuminance=[5e4, 5e4], sun_elevation=[40.0, 40.0])
@@ -33,7 +36,7 @@ def test_tiles_are_written_pixel_by_pixel_beside_their_names(tmp_path):
 
 
 def test_the_road_and_its_traffic_are_the_same_in_every_condition():
-    clear, fog = (episode(RIG, "two_way", only(MIX, name, 3), seed=3) for name in ("clear", "fog"))
+    clear, fog = (short_scene(RIG, "two_way", single_condition(MIX, name, 3), seed=3) for name in ("clear", "fog"))
     assert fog.condition.visibility == 50.0
     assert clear.condition.severity == 1  # it has no other
     np.testing.assert_array_equal(clear.ego.position, fog.ego.position)
@@ -66,4 +69,4 @@ def test_a_rig_without_what_the_sheet_shows_is_refused(tmp_path, sheet, rig, mes
 
 def test_a_severity_below_the_mildest_is_refused():
     with pytest.raises(ValueError, match="severity=0: the mildest is 1"):
-        only(MIX, "fog", 0)
+        single_condition(MIX, "fog", 0)

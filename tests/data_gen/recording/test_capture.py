@@ -10,9 +10,11 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from data_gen.recording.capture import firing_time, firings_due, keyframe_times, last_firing
-from data_gen.rig.rig import Camera, Lidar, Mount, Radar, Rig
+from data_gen.rig.mounts import Camera, Lidar, Mount, Radar
+from data_gen.rig.rig import Rig
 from data_gen.rig.rig_checks import MAX_JITTER
 from fusion_net.common.cli.command import CONFIGS, build
+from tests.fixtures.lidar_models import HDL32E
 
 FRONT = {"channel": "RADAR_FRONT", "seed": 3}
 TOP = {"channel": "LIDAR_TOP", "seed": 3}
@@ -29,7 +31,7 @@ def rig():
                 translation=[1.7, 0.0, 1.5], rate=30.0, phase=0.0292, width=64, height=32, hfov_deg=70.0
             )
         },
-        lidars={"LIDAR_TOP": Lidar(translation=[0.9, 0.0, 1.8], rate=10.0, columns=180)},
+        lidars={"LIDAR_TOP": Lidar(model=HDL32E, translation=[0.9, 0.0, 1.8], rate=10.0, columns=180)},
         radars={"RADAR_FRONT": Radar(translation=[3.4, 0.0, 0.5], rate=20.0, phase=0.013)},
     )
 

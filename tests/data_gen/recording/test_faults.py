@@ -8,7 +8,8 @@ import pytest
 from data_gen.assets.shapes.mesh import Mesh
 from data_gen.recording import tables
 from data_gen.recording.writer import write_json, write_scene
-from data_gen.rig.rig import Camera, Lidar, Radar, Rig
+from data_gen.rig.mounts import Camera, Lidar, Radar
+from data_gen.rig.rig import Rig
 from fusion_net.common.fault_effects import (
     BlockedLens,
     Clock,
@@ -24,6 +25,7 @@ from fusion_net.common.geometry import from_quaternion, invert, project, yaw_of
 from fusion_net.data.samples import SampleReader
 from fusion_net.nuscenes.nuscenes import NuScenes
 from tests.fixtures.box_world import at, box, car, path, reflectors, scene
+from tests.fixtures.lidar_models import HDL32E
 
 SPEED, SEED, KEYFRAMES = 20.0, 4, 4
 RIG = Rig(
@@ -37,6 +39,7 @@ RIG = Rig(
     },
     lidars={
         "LIDAR_TOP": Lidar(
+            model=HDL32E,
             translation=[0.9, 0.1, 1.8], rotation_deg=[0.4, -0.6, 1.0], rate=10.0,
             columns=1200, sector_deg=[-60.0, 60.0], cut_deg=-61.0,
         )
@@ -280,7 +283,7 @@ def test_a_shaking_mount_is_drawn_anew_each_sample_and_alike_both_ways(make, cle
 def test_a_channel_that_the_rig_lacks_is_named(clean):
     fault = Fault(sensors=["CAM_BACK"], effect=Dead())
     with pytest.raises(ValueError, match=r"there is no sensor 'CAM_BACK'; there are camera, lidar, radar, CAM_FRONT"):
-        FaultPlan([fault]).check(RIG.modalities)
+        FaultPlan([fault]).check(RIG.modalities, {"LIDAR_TOP": 32})
 
 
 def test_jitter_is_in_the_true_and_in_the_reported_time(make):

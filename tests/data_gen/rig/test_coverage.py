@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -7,8 +8,9 @@ from test_rig_checks import camera, lidar, radar, rig
 
 from data_gen.pictures.rig_drawing import draw
 from data_gen.pictures.rig_preview import table
-from data_gen.rig.coverage import FRONT, gaps, nearest_ground, sector_deg, sees, view_of
+from data_gen.rig.coverage import FRONT, gaps, sector_covered
 from fusion_net.common.cli.command import CONFIGS, build
+from tests.fixtures.lidar_models import HDL32E, shipped
 
 
 def from_config(name):
@@ -22,24 +24,24 @@ def surround():
 
 
 def test_nano_fills_the_view_that_its_traffic_was_tuned_for():
-    assert view_of(from_config("nano")) == FRONT
+    assert sector_covered(from_config("nano")) == FRONT
 
 
 def test_surround_looks_all_round(surround):
-    assert view_of(surround).half == pytest.approx(math.pi)
+    assert sector_covered(surround).half == pytest.approx(math.pi)
     for mounts in (surround.cameras, surround.lidars, surround.radars):
-        edges = [[mount.rotation_deg[2] + edge for edge in sector_deg(mount)] for mount in mounts.values()]
+        edges = [[mount.rotation_deg[2] + edge for edge in mount.azimuth_range_deg] for mount in mounts.values()]
         assert gaps(edges) == []
 
 
 def test_a_rig_that_looks_back_fills_what_is_behind():
     back = rig(cameras={"CAM_BACK": camera(rotation_deg=[0.0, 0.0, 179.0], hfov_deg=80.0)})
-    assert view_of(back).center == pytest.approx(math.radians(179))
-    assert view_of(back).half == pytest.approx(math.radians(40))
+    assert sector_covered(back).center == pytest.approx(math.radians(179))
+    assert sector_covered(back).half == pytest.approx(math.radians(40))
 
 
 def test_without_cameras_the_lidar_says_where_to_look():
-    found = view_of(rig(cameras={}, lidars={"LIDAR_TOP": lidar(sector_deg=[-30.0, 60.0])}))
+    found = sector_covered(rig(cameras={}, lidars={"LIDAR_TOP": lidar(sector_deg=[-30.0, 60.0])}))
     assert found.center == pytest.approx(math.radians(15))
     assert found.half == pytest.approx(math.radians(45))
 
@@ -76,29 +78,41 @@ def test_focal_lengths_are_those_of_nuscenes_scaled(surround):
 
 def test_sees_goes_by_frustum_sector_and_range():
     front = camera(rotation_deg=[0.0, 0.0, 90.0])  # looks left
-    assert sees(front, [[1.7, 10, 1.5], [10, 0.1, 1.5], [1.7, -10, 1.5], [1.7, 10, 9.0]]).tolist() == [
+    assert front.sees([[1.7, 10, 1.5], [10, 0.1, 1.5], [1.7, -10, 1.5], [1.7, 10, 9.0]]).tolist() == [
         True,
         False,
         False,
         False,
     ]
-    top = lidar(sector_deg=[-40.0, 40.0], rotation_deg=[0.0, 0.0, -90.0], max_range=50.0)
-    assert sees(top, [[0.9, -20, 1.8], [20, 0.0, 1.8], [0.9, -60, 1.8], [0.9, -2, 0.0]]).tolist() == [
+    top = lidar(sector_deg=[-40.0, 40.0], rotation_deg=[0.0, 0.0, -90.0], model=replace(HDL32E, max_range=50.0))
+    assert top.sees([[0.9, -20, 1.8], [20, 0.0, 1.8], [0.9, -60, 1.8], [0.9, -2, 0.0]]).tolist() == [
         True,
         False,
         False,
         False,
     ]
-    assert sees(radar(fov_deg=10.0), [[30, 1, 0.5], [30, 20, 0.5]]).tolist() == [True, False]
+    assert radar(fov_deg=10.0).sees([[30, 1, 0.5], [30, 20, 0.5]]).tolist() == [True, False]
 
 
 def test_the_nearest_ground_is_height_over_the_tangent_of_the_lowest_ray():
     level = camera(principal=[32.0, 16.0])
-    assert nearest_ground(level) == pytest.approx(1.5 * level.cam_K[1, 1] / 16)
+    assert level.nearest_ground == pytest.approx(1.5 * level.cam_K[1, 1] / 16)
     tipped = camera(rotation_deg=[0.0, 10.0, 40.0])
-    assert nearest_ground(tipped) < nearest_ground(level) / 1.5
-    assert nearest_ground(lidar()) == pytest.approx(1.8 / math.tan(math.radians(30.67)), rel=1e-3)
-    assert nearest_ground(camera(rotation_deg=[0.0, -40.0, 0.0])) == math.inf
+    assert tipped.nearest_ground < level.nearest_ground / 1.5
+    assert lidar().nearest_ground == pytest.approx(1.8 / math.tan(math.radians(30.67)), rel=1e-3)
+    assert camera(rotation_deg=[0.0, -40.0, 0.0]).nearest_ground == math.inf
+
+
+@pytest.mark.parametrize("model", ["hdl32e", "vlp16", "hdl64e"])
+def test_the_nearest_ground_and_the_table_follow_the_lidars_beams(model):
+    mount = lidar(model=shipped(model))
+    lowest = min(mount.model.elevation_deg)
+    assert mount.nearest_ground == pytest.approx(1.8 / math.tan(math.radians(-lowest)), rel=1e-3)
+    lines = table(rig(lidars={"LIDAR_TOP": mount})).splitlines()
+    at = next(i for i, line in enumerate(lines) if line.startswith(f"LIDAR_TOP: {mount.model.name}, "))
+    angles = [float(word) for line in lines[at + 1 :] if line.startswith("  ") for word in line.split()]
+    assert angles == sorted(mount.model.elevation_deg)
+    assert f"{mount.model.beams} x 180" in table(rig(lidars={"LIDAR_TOP": mount}))
 
 
 def test_the_table_has_a_line_a_sensor_and_says_where_nothing_looks(surround):

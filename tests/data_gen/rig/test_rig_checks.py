@@ -3,8 +3,10 @@ import re
 
 import pytest
 
-from data_gen.rig.rig import Camera, Lidar, Radar, Rig
-from data_gen.rig.rig_checks import BODY
+from data_gen.rig.mounts import Camera, Lidar, Radar
+from data_gen.rig.rig import Rig
+from data_gen.road.ego import EGO_OUTLINE
+from tests.fixtures.lidar_models import HDL32E, HDL64E, VLP16
 
 
 def camera(**changes):
@@ -14,7 +16,7 @@ def camera(**changes):
 
 
 def lidar(**changes):
-    return Lidar(**{"translation": [0.9, 0.0, 1.8], "rate": 10.0, "columns": 180} | changes)
+    return Lidar(**{"model": HDL32E, "translation": [0.9, 0.0, 1.8], "rate": 10.0, "columns": 180} | changes)
 
 
 def radar(**changes):
@@ -58,9 +60,11 @@ IMPOSSIBLE = [
     (with_camera, {"jitter": 0.02}, "jitter=0.02 s is not within", "jitter=0.00333"),
     (with_lidar, {"translation": [0.9, 0.0, 0.0]}, "is less than 0.1 m over the ground", "[0.9,0.0,1.5]"),
     (with_lidar, {"sector_deg": [40.0, -40.0]}, "sector_deg=[40.0,-40.0] is no sector", "sector_deg=[-40.0,40.0]"),
-    (with_lidar, {"columns": 0}, "columns=0 is not a number of firings", "columns=1"),
-    (with_lidar, {"columns": 3000}, "columns=3000 is not a number of firings that a turn of 1/10 s holds", "columns=2170"),
-    (with_lidar, {"max_range": -5.0}, "lidars.LIDAR_TOP.max_range=-5.0 is less than 1", "max_range=1.0"),
+    (with_lidar, {"columns": 0}, "columns=0 is not a number of columns", "columns=1"),
+    (with_lidar, {"columns": 3000}, "columns=3000 is not a number of columns that the HDL-32E fires in a turn", "columns=2170"),
+    (with_lidar, {"columns": 2000, "model": VLP16}, "that the VLP-16 fires in a turn of 1/10 s", "columns=1808"),
+    (with_lidar, {"columns": 2170, "model": HDL64E}, "that the HDL-64E fires in a turn of 1/10 s", "columns=2083"),
+    (with_lidar, {"crosstalk": 1.5}, "LIDAR_TOP.crosstalk=1.5 is not within [0, 1]", "crosstalk=1.0"),
     (with_radar, {"translation": [0.5, 0.0, 0.5]}, "FRONT.translation=[0.5,0.0,0.5] looks through 3.4 m", "[3.85,0.0,0.5]"),
     (with_radar, TURNED_IN, "looks through 1.8 m", "[2.4,-1.0,0.7]"),
     (with_radar, TURNED_DOWN, "looks into the car's own body", "[2.4,0.8,1.5]"),
@@ -112,8 +116,8 @@ def test_the_nearest_value_does_work(make, changes):
 
 
 def test_a_sensor_may_sit_behind_a_bumper_and_a_camera_behind_a_window():
-    with_radar(translation=[BODY[0][1] - 0.5, 0.3, 0.5])
-    with_radar(translation=[0.0, BODY[1][1] - 0.2, 0.6], rotation_deg=[0.0, 0.0, 90.0])
+    with_radar(translation=[EGO_OUTLINE[0][1] - 0.5, 0.3, 0.5])
+    with_radar(translation=[0.0, EGO_OUTLINE[1][1] - 0.2, 0.6], rotation_deg=[0.0, 0.0, 90.0])
     with_camera(translation=[2.0, 0.0, 1.3])
 
 

@@ -1,5 +1,7 @@
 """Rigs of any kind, through the generator and the reader: one keyframe each."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hydra import compose, initialize_config_dir
@@ -7,19 +9,23 @@ from test_rig_checks import camera, lidar, radar
 
 from data_gen.episode import Scenario
 from data_gen.generate import DataConfig, Job, generate
+from data_gen.recording.capture import keyframe_times
 from data_gen.rig.rig import Rig
 from data_gen.scene.conditions import ConditionMix, Preset
-from fusion_net.common.cli.command import CONFIGS
+from fusion_net.common.cli.command import CONFIGS, build
+from fusion_net.common.fault_effects import FewerBeams
+from fusion_net.common.faults import Fault, FaultPlan
 from fusion_net.data.samples import SampleReader
 from fusion_net.nuscenes.nuscenes import NuScenes
+from tests.fixtures.lidar_models import HDL64E, VLP16, shipped
 
 CLEAR = ConditionMix(
     presets={"clear": [Preset(illuminance=[40_000.0, 80_000.0], sun_elevation=[30.0, 60.0])]}, weights={"clear": 1.0}
 )
 
 
-def generated(root, *, cameras, radars):
-    rig = Rig(name="mine", cameras=cameras, lidars={"LIDAR_TOP": lidar()}, radars=radars, sweeps={"radar": 1})
+def generated(root, *, cameras, radars, lidars=None):
+    rig = Rig(name="mine", cameras=cameras, lidars=lidars or {"LIDAR_TOP": lidar()}, radars=radars, sweeps={"radar": 1})
     data = DataConfig(name="mine", root=str(root), num_scenes=1, keyframes=1, split_weights={"train": 1})
     job = Job(data=data, rig=rig, scenario=Scenario(layouts={"train": {"two_way": 1}}), condition=CLEAR, seed=3)
     generate(job, settings={}, workers=1)
@@ -90,3 +96,57 @@ def test_the_experiment_of_surround_trains_on_its_data_and_grid():
         cfg = compose("train", overrides=["experiment=surround", "trainer=smoke"])
     assert (cfg.data.root, cfg.name, cfg.trainer.batch_size) == ("data/surround", "surround", 2)
     assert (cfg.grid.x_min, cfg.grid.x_max) == (-44.8, 57.6)
+
+
+def composed(*overrides):
+    with initialize_config_dir(str(CONFIGS), version_base="1.3"):
+        return build(compose("data_gen", overrides=list(overrides)).rig, "rig")
+
+
+@pytest.mark.parametrize("data", ["nano", "surround"])
+@pytest.mark.parametrize(("name", "beams"), [("hdl32e", 32), ("vlp16", 16), ("hdl64e", 64)])
+def test_every_rig_takes_every_lidar(data, name, beams):
+    rig = composed(f"data={data}", f"lidar={name}")
+    assert rig.lidars["LIDAR_TOP"].model == shipped(name)
+    assert rig.lidars["LIDAR_TOP"].model.beams == beams
+
+
+def test_an_episode_has_room_for_the_sweeps_before_its_first_keyframe():
+    for data in ("nano", "surround"):
+        rig = composed(f"data={data}")
+        assert rig.duration(4) == 3.0
+        first, last = keyframe_times(rig, 4)[[0, -1]]
+        for channel, mount in rig.sensors.items():
+            assert first - (rig.sweeps[rig.modalities[channel]] + 1) / mount.rate > 0
+        assert last < rig.duration(4)
+
+
+def test_the_default_lidar_is_the_hdl_32e_with_every_column():
+    assert composed("data=nano").lidars["LIDAR_TOP"] == replace(
+        composed("lidar=hdl32e", "rig.lidars.LIDAR_TOP.columns=2170").lidars["LIDAR_TOP"], columns=None
+    )
+    assert composed("data=nano").lidars["LIDAR_TOP"].turn_columns == 2170
+    assert composed("lidar=vlp16").lidars["LIDAR_TOP"].turn_columns == 1808
+    assert composed("lidar=hdl64e", "lidar.max_range=80.0").lidars["LIDAR_TOP"].max_range == 80.0
+
+
+@pytest.mark.parametrize(("model", "keep"), [(VLP16, 4), (HDL64E, 16)], ids=["VLP-16", "HDL-64E"])
+def test_other_lidars_are_generated_read_and_robbed_of_beams(tmp_path, model, keep):
+    """The reader knows the number of beams from the tables: of 16 beams every fourth is left, and of 64."""
+    tree, token = generated(tmp_path / "tree", cameras={}, radars={}, lidars={"LIDAR_TOP": lidar(model=model)})
+    assert tree.beams == {"LIDAR_TOP": model.beams}
+    ring = np.fromfile(tree.path(tree.reference(token)), "<f4").reshape(-1, 5)[:, 4]
+    assert ring.max() < model.beams
+    assert len(np.unique(ring)) > 0.6 * model.beams  # the others look into the sky
+
+    def points(*effects):
+        faults = [Fault(sensors=["lidar"], effect=effect) for effect in effects]
+        return len(SampleReader(label_stride=None, faults=faults).read(tree, token).lidar_points)
+
+    assert points() == len(ring)
+    assert points(FewerBeams(keep=keep)) == np.count_nonzero(ring % 4 == 0)
+    no_fault = FaultPlan([Fault(sensors=["lidar"], effect=FewerBeams(keep=model.beams))])
+    with pytest.raises(
+        ValueError, match=rf"takes no beam from LIDAR_TOP, which has {model.beams}; use 1 to {model.beams - 1}"
+    ):
+        no_fault.check(tree.modalities, tree.beams)

@@ -5,8 +5,9 @@ import pytest
 from highway_env.envs.intersection_env import IntersectionEnv
 from highway_env.vehicle.behavior import IDMVehicle
 
+from data_gen.road.ego import REAR_AXLE
 from data_gen.road.footprints import overlaps
-from data_gen.road.layout import LAYOUTS, REAR_AXLE, Layout, _track, record_layout
+from data_gen.road.layout import LAYOUTS, Layout, _track, record_layout
 
 DURATION = 1.6
 

@@ -7,7 +7,7 @@ import pytest
 import trimesh
 
 from data_gen.assets.shapes.mesh import Asset, Mesh, Scatterers, Surface
-from data_gen.rig.rig import Camera
+from data_gen.rig.mounts import Camera
 from data_gen.road.track import Track
 from data_gen.scene.conditions import Condition
 from data_gen.scene.light import light_of

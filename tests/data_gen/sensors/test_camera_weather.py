@@ -9,7 +9,7 @@ from scipy.integrate import quad
 
 from data_gen.assets.catalogue import build_asset
 from data_gen.assets.shapes.mesh import Asset
-from data_gen.rig.rig import Camera
+from data_gen.rig.mounts import Camera
 from data_gen.road.track import Track
 from data_gen.scene.conditions import Condition
 from data_gen.scene.light import light_of, sky

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from data_gen.rig.rig import Camera, Lidar, Radar
+from data_gen.rig.mounts import Camera, Lidar, Radar
 from data_gen.scene.conditions import Condition
 from data_gen.scene.scene import NOTHING
 from data_gen.sensors.camera.camera import render_camera
@@ -14,9 +14,10 @@ from data_gen.sensors.radar.detection import DOUBLE_BOUNCE
 from data_gen.sensors.radar.radar import detect_radar
 from fusion_net.common.random import stream
 from tests.fixtures.box_world import at, box, car, path, reflectors, scene
+from tests.fixtures.lidar_models import HDL32E
 
 CAMERA = Camera(translation=[0.0, 0.0, 1.5], width=320, height=96, hfov_deg=50.0, rate=30.0)
-LIDAR = Lidar(translation=[0.0, 0.0, 1.8], columns=2170, sector_deg=[-25.0, 25.0], rate=10.0)
+LIDAR = Lidar(model=HDL32E, translation=[0.0, 0.0, 1.8], columns=2170, sector_deg=[-25.0, 25.0], rate=10.0)
 RADAR = Radar(translation=[0.0, 0.0, 0.5], rate=20.0, max_range=160.0, fov_deg=45.0)
 
 DAY = Condition(illuminance=60_000.0, sun_azimuth=120.0, sun_elevation=45.0)

@@ -1,19 +1,27 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from data_gen.rig.rig import Lidar
+from data_gen.rig.mounts import Lidar
 from data_gen.scene.conditions import Condition
 from data_gen.scene.scene import WORLD
-from data_gen.sensors.lidar.lidar import ELEVATION_DEG, FIRING, firing_pattern, scan_lidar
+from data_gen.sensors.lidar.lidar import firing_pattern, scan_lidar
 from data_gen.sensors.lidar.power import range_sigma
 from fusion_net.common.geometry import from_rpy, invert, transform
 from fusion_net.common.random import stream
 from tests.fixtures.box_world import ORIGIN, at, box, car, path, scene
+from tests.fixtures.lidar_models import HDL32E
 
 FRONT = Lidar(
-    translation=[0.94, 0.1, 1.84], rotation_deg=[-0.4, 0.6, 0.3], columns=1085, sector_deg=[-40.0, 30.0], rate=10.0
+    model=HDL32E,
+    translation=[0.94, 0.1, 1.84],
+    rotation_deg=[-0.4, 0.6, 0.3],
+    columns=1085,
+    sector_deg=[-40.0, 30.0],
+    rate=10.0,
 )
-FULL = Lidar(translation=[0.94, 0.1, 1.84], rotation_deg=[-0.4, 0.6, 0.3], columns=720, rate=10.0)
+FULL = Lidar(model=HDL32E, translation=[0.94, 0.1, 1.84], rotation_deg=[-0.4, 0.6, 0.3], columns=720, rate=10.0)
 
 
 def sweep_of(world, lidar=FRONT, t_end=0.4, key=0, **more):
@@ -32,11 +40,11 @@ def wall_ahead(distance, reflectivity=0.5, height=30.0):
 def test_the_beams_are_the_hdl_32s():
     directions, beam, dt = firing_pattern(FULL)
     assert len(directions) == 32 * 720
-    np.testing.assert_allclose(np.degrees(np.arcsin(directions[:, 2])), ELEVATION_DEG[beam], atol=1e-9)
-    np.testing.assert_allclose(np.diff(np.sort(ELEVATION_DEG)), 1.33, atol=0.011)
+    np.testing.assert_allclose(np.degrees(np.arcsin(directions[:, 2])), np.array(HDL32E.elevation_deg)[beam], atol=1e-9)
+    np.testing.assert_allclose(np.diff(FULL.elevations_deg), 1.33, atol=0.011)
     assert dt[0] == pytest.approx(-0.1)
     assert np.all(np.diff(dt) > 0)
-    assert dt[31] - dt[0] == pytest.approx(31 * FIRING)
+    assert dt[31] - dt[0] == pytest.approx(31 * HDL32E.firing_interval)
     assert dt[32] - dt[0] == pytest.approx(0.1 / 720)
 
 
@@ -45,7 +53,7 @@ def test_the_head_turns_clockwise_from_105_degrees_and_leans_within_a_column():
     azimuth = np.degrees(np.arctan2(-directions[:, 0], directions[:, 1]))  # x right, y forward
     expected = 105 - 3600 * (dt + 0.1)
     np.testing.assert_allclose((azimuth - expected + 180) % 360 - 180, 0, atol=1e-6)
-    assert azimuth[0] - azimuth[31] == pytest.approx(360 * 10 * 31 * FIRING)
+    assert azimuth[0] - azimuth[31] == pytest.approx(360 * 10 * 31 * HDL32E.firing_interval)
     ahead = np.argmin(np.abs(azimuth))
     assert dt[ahead] + 0.1 == pytest.approx(105 / 360 * 0.1, abs=2e-4)  # 29.2 ms, the front camera's phase
 
@@ -64,7 +72,7 @@ def test_a_wall_is_measured_within_the_noise():
     points = in_global(world, sweep)
     assert len(points) > 3000
     slant = np.linalg.norm(sweep.points, axis=1)
-    sigma = range_sigma(0.5 * (100 / 25) ** 2 / 0.9)
+    sigma = range_sigma(0.5 * (100 / 25) ** 2 / 0.9, noise=HDL32E.range_noise)
     error = (points[:, 0] - ORIGIN[0] - 25.0) * slant / 24.06  # along the ray, from along the road
     assert abs(np.median(error)) < 2e-3
     assert np.std(error) == pytest.approx(sigma, rel=0.35)
@@ -75,7 +83,7 @@ def test_rings_rise_with_elevation():
     world = scene(walls=[wall_ahead(15.0)], with_ground=False)
     sweep = sweep_of(world)
     elevation = np.degrees(np.arcsin(sweep.points[:, 2] / np.linalg.norm(sweep.points, axis=1)))
-    np.testing.assert_allclose(elevation, np.sort(ELEVATION_DEG)[sweep.ring], atol=1e-3)
+    np.testing.assert_allclose(elevation, FRONT.elevations_deg[sweep.ring], atol=1e-3)
 
 
 def test_the_ground_lies_flat_in_spite_of_the_tilted_mount_and_reflects_as_its_material():
@@ -133,13 +141,14 @@ def test_times_run_backwards_from_the_end_of_the_turn():
 
 
 def share_returned(distance, reflectivity, condition=None, max_range=100.0):
-    lidar = Lidar(translation=[0.0, 0.0, 1.8], columns=1085, sector_deg=[-3.0, 3.0], rate=10.0, max_range=max_range)
+    model = replace(HDL32E, max_range=max_range)
+    lidar = Lidar(model=model, translation=[0.0, 0.0, 1.8], columns=1085, sector_deg=[-3.0, 3.0], rate=10.0)
     world = scene(walls=[wall_ahead(distance, reflectivity, height=120.0)], condition=condition, with_ground=False)
     sweep = sweep_of(world, lidar)
-    level = np.abs(ELEVATION_DEG) < 6
+    level = np.abs(model.elevation_deg) < 6
     aimed = np.isin(firing_pattern(lidar)[1], np.flatnonzero(level)).sum()
     of_the_wall = sweep.ring[sweep.body == WORLD]
-    return np.isin(of_the_wall, np.argsort(np.argsort(ELEVATION_DEG))[level]).sum() / aimed
+    return np.isin(of_the_wall, model.ring[level]).sum() / aimed
 
 
 def test_a_ten_per_cent_target_is_lost_at_a_third_of_the_range():

@@ -2,18 +2,20 @@ import numpy as np
 import pytest
 
 from data_gen.assets.shapes.mesh import Asset
-from data_gen.rig.rig import Lidar
+from data_gen.rig.mounts import Lidar
 from data_gen.scene.conditions import Condition
 from data_gen.scene.scene import NOTHING, WORLD
 from data_gen.sensors.lidar.lidar import firing_pattern, scan_lidar
 from data_gen.sensors.lidar.power import Returns, film_loss, strongest
-from data_gen.sensors.lidar.scatter import DIVERGENCE, DROP, draw_echoes, drop_echoes, echo_table, fog_power
+from data_gen.sensors.lidar.scatter import DROP, drop_echoes, echo_table, fog_power, sample_echoes
 from data_gen.sensors.lidar.weather import Rays, with_weather
 from fusion_net.common.geometry import transform
 from fusion_net.common.random import stream
 from tests.fixtures.box_world import at, box, car, path, scene
+from tests.fixtures.lidar_models import HDL32E
 
-LIDAR = Lidar(translation=[0.0, 0.0, 1.8], columns=2170, sector_deg=[-35.0, 35.0], rate=10.0)
+LIDAR = Lidar(model=HDL32E, translation=[0.0, 0.0, 1.8], columns=2170, sector_deg=[-35.0, 35.0], rate=10.0)
+DIVERGENCE = HDL32E.divergence
 AIR = Condition(visibility=1e9)
 SPRAY = Condition("spray", spray=True, water_film=1.2)
 RAYS = len(firing_pattern(LIDAR)[1])
@@ -35,8 +37,10 @@ def wall(distance, reflectivity=0.5):
 def test_rain_gives_the_published_number_of_echoes(rain_rate, published):
     """M(P_min) of a beam that meets nothing, for a sensor of 200 m."""
     x = np.linspace(1.5, 60, 20_000)
-    assert np.trapezoid(drop_echoes(0.9 / 200**2, x, rain_rate), x) == pytest.approx(published, rel=0.03)
-    _, _, snr = draw_echoes(echo_table(rain_rate, 0.0, 0.0, 200.0), np.full(200_000, 200.0), np.random.default_rng(0))
+    assert np.trapezoid(drop_echoes(0.9 / 200**2, x, rain_rate, DIVERGENCE), x) == pytest.approx(published, rel=0.03)
+    _, _, snr = sample_echoes(
+        echo_table(rain_rate, 0.0, 0.0, 200.0, DIVERGENCE), np.full(200_000, 200.0), np.random.default_rng(0)
+    )
     assert np.sum(snr > 1) / 200_000 == pytest.approx(1 - np.exp(-published), rel=0.04)
 
 
@@ -53,7 +57,7 @@ def test_the_strongest_drop_is_that_of_a_simulation_drop_by_drop():
     last = order[np.flatnonzero(np.diff(np.append(ray[order], rays)))]
     expected, place = power[last] / (0.9 / 1e4), distance[last]
 
-    _, drawn, snr = draw_echoes(echo_table(rain_rate, 0.0, 0.0, 100.0), np.full(rays, reach), rng)
+    _, drawn, snr = sample_echoes(echo_table(rain_rate, 0.0, 0.0, 100.0, DIVERGENCE), np.full(rays, reach), rng)
     for level in (0.5, 1.0, 3.0):
         assert (snr > level).sum() / rays == pytest.approx((expected > level).sum() / rays, rel=0.1)
     for level in (0.4, 1.0):
@@ -207,17 +211,19 @@ def test_a_low_sun_costs_far_targets_before_it():
 
 
 def test_crosstalk_has_the_rate_of_the_rig():
-    noisy = Lidar(translation=[0.0, 0.0, 1.8], columns=2170, sector_deg=[-35.0, 35.0], rate=10.0, crosstalk=0.01)
+    noisy = Lidar(
+        model=HDL32E, translation=[0.0, 0.0, 1.8], columns=2170, sector_deg=[-35.0, 35.0], rate=10.0, crosstalk=0.01
+    )
     sweep = sweep_of(scene(with_ground=False, condition=AIR), noisy)
     assert 0.006 * RAYS < len(sweep.points) < 0.01 * RAYS
     assert np.linalg.norm(sweep.points, axis=1).max() > 90
 
 
 def test_clear_air_returns_the_surfaces_themselves():
-    hard = Returns(np.arange(3), np.full(3, 9.0), np.ones(3), np.ones(3), np.zeros(3, np.int32))
+    surfaces = Returns(np.arange(3), np.full(3, 9.0), np.ones(3), np.ones(3), np.zeros(3, np.int32))
     rays = Rays(np.zeros((5, 3)), np.tile([1.0, 0.0, 0.0], (5, 1)), np.zeros(5))
     rng = stream(1)
-    assert with_weather(scene(), rays, hard, max_range=100.0, crosstalk=0.0, rng=rng) is hard
+    assert with_weather(scene(), rays, surfaces, lidar=LIDAR, rng=rng) is surfaces
     assert rng.random() == stream(1).random()  # and draws nothing
 
 

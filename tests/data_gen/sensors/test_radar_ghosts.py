@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from data_gen.assets.shapes.mesh import Asset
-from data_gen.rig.rig import Radar
+from data_gen.rig.mounts import Radar
 from data_gen.scene.scene import NOTHING
 from data_gen.sensors.radar.detection import DOUBLE_BOUNCE, SINGLE_BOUNCE
 from data_gen.sensors.radar.mirrors import SHARE

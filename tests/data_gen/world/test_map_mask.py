@@ -9,13 +9,15 @@ import pytest
 
 from data_gen.episode import build_episode
 from data_gen.recording.writer import write_scene
-from data_gen.rig.rig import Lidar, Radar, Rig
+from data_gen.rig.mounts import Lidar, Radar
+from data_gen.rig.rig import Rig
 from data_gen.scene.conditions import Condition, ConditionMix, Preset
+from tests.fixtures.lidar_models import HDL32E
 
 RIG = Rig(
     name="tiny",
     cameras={},
-    lidars={"LIDAR_TOP": Lidar(translation=[0.9, 0.0, 1.8], rate=10.0, columns=360)},
+    lidars={"LIDAR_TOP": Lidar(model=HDL32E, translation=[0.9, 0.0, 1.8], rate=10.0, columns=360)},
     radars={"RADAR_FRONT": Radar(translation=[3.4, 0.0, 0.5], rate=20.0)},
 )
 CLEAR = ConditionMix(

@@ -15,10 +15,12 @@ from fusion_net.common.fault_effects import (
     LostPoints,
     LostSector,
     Mismount,
+    Rings,
     Stale,
 )
 from fusion_net.common.faults import Fault, FaultPlan, at_severity
 from fusion_net.common.geometry import invert, transform, yaw_of
+from fusion_net.common.random import stream
 from fusion_net.data.datamodule import NuScenesDataset
 from fusion_net.data.samples import SampleReader
 from fusion_net.nuscenes.nuscenes import NuScenes
@@ -168,6 +170,25 @@ def test_a_sector_is_counted_from_straight_ahead_to_the_left(tree):
     assert np.isin(gone[:, 0], clean[outside, 0]).mean() > 0.95
 
 
+@pytest.mark.parametrize("beams", [16, 32, 64, 40])
+def test_evenly_spaced_beams_are_left_of_any_lidar(beams):
+    ring = np.arange(beams)
+    for keep in range(1, beams):
+        kept = FewerBeams(keep=keep).kept(np.zeros(beams), Rings(ring, beams), stream(0), stream(0))
+        assert kept.sum() == keep
+        assert kept[0]
+        steps = np.diff(np.append(ring[kept], beams))
+        assert np.ptp(steps) <= 1
+        if beams % keep == 0:
+            np.testing.assert_array_equal(kept, ring % (beams // keep) == 0)
+
+
+def test_a_tree_that_does_not_say_has_nuscenes_32_beams(tree):
+    record = tree.reference("scene-0000-1")
+    assert "beams" not in tree.get("calibrated_sensor", record["calibrated_sensor_token"])
+    assert tree.beams == {"LIDAR_TOP": 32}
+
+
 def test_mud_covers_its_share_and_only_the_image(tree):
     clean, muddy = read(tree), read(tree, Fault(sensors=["CAM_BACK"], effect=BlockedLens(share=0.4)))
     covered = (muddy.images != clean.images).any(axis=-1)
@@ -247,7 +268,7 @@ def test_a_severity_that_is_none_names_those_there_are():
 @pytest.mark.parametrize(
     ("wrong", "answer"),
     [
-        (lambda: FewerBeams(keep=5), "keep=5 of 32 beams; use 1, 2, 4, 8, 16, 32"),
+        (lambda: FewerBeams(keep=0), "keep=0 is below 1"),
         (lambda: LostPoints(share=70), r"share=70 is not within \[0, 1\]"),
         (lambda: BlockedLens(share=-0.1), r"share=-0.1 is not within \[0, 1\]"),
         (lambda: LostSector(width_deg=-5), "width_deg=-5 is below 0"),

@@ -1,6 +1,6 @@
 """Motorcycles, ridden and parked: sports machine, tourer with cases, scooter."""
 
-from data_gen.assets.people import Joints, Look, figure
+from data_gen.assets.bodies.people import Joints, Look, figure
 from data_gen.assets.shapes.mesh import Asset, Mesh
 from data_gen.assets.shapes.palette import (
     CHROME,

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from data_gen.assets.people import Joints, Look, figure
+from data_gen.assets.bodies.people import Joints, Look, figure
 from data_gen.assets.shapes.mesh import Asset, Mesh, Scatterers
 from data_gen.assets.shapes.palette import (
     BICYCLE_PAINTS,

@@ -1,5 +1,6 @@
 """Semi-trailers: box, tanker, flatbeds with timber and with containers."""
 
+from data_gen.assets.bodies.trucks import WHITE_BOX, box_body, flatbed, stern
 from data_gen.assets.shapes.mesh import Asset, Mesh
 from data_gen.assets.shapes.palette import (
     ALUMINIUM,
@@ -10,7 +11,6 @@ from data_gen.assets.shapes.palette import (
 )
 from data_gen.assets.shapes.profiles import assemble, axle, box, end_pair, end_patch, loft, side_patch
 from data_gen.assets.shapes.reflectors import body
-from data_gen.assets.vehicles.trucks import WHITE_BOX, box_body, flatbed, stern
 
 TRAILER_SIZES = {
     "box": (12.4, 2.55, 3.95),

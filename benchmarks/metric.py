@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from fusion_net.common.bev_grid import BEVGrid
-from fusion_net.common.boxes import CLASSES
+from fusion_net.common.nuscenes_format import CLASSES
 from fusion_net.evaluation.bootstrap import bootstrap_map, draw_scenes
 from fusion_net.evaluation.scoring import GroundTruth
 from fusion_net.metrics.detection import DetectionMetric, DetectionMetrics

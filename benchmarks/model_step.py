@@ -14,7 +14,7 @@ from omegaconf import OmegaConf
 
 from fusion_net.common import geometry
 from fusion_net.common.bev_grid import BEVGrid
-from fusion_net.common.boxes import CLASSES
+from fusion_net.common.nuscenes_format import CLASSES
 from fusion_net.data.batch import Batch, Targets
 from fusion_net.models.camera_encoder import CameraEncoder
 from fusion_net.models.fusion_net import FusionNet

@@ -16,8 +16,8 @@ from data_gen.sensors.camera.camera import CameraFrame, render_camera
 from data_gen.sensors.lidar.lidar import LidarSweep, scan_lidar
 from data_gen.sensors.radar.radar import Look, RadarScan, detect_radars
 from fusion_net.common.faults import SensorFaults
+from fusion_net.common.nuscenes_format import REFERENCE
 from fusion_net.common.random import stream
-from fusion_net.nuscenes.nuscenes import REFERENCE
 
 Data = CameraFrame | LidarSweep | RadarScan
 

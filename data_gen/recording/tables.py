@@ -7,8 +7,8 @@ from typing import Any
 from data_gen.recording.writer import DECOY, token, write_json
 from data_gen.rig.mounts import Camera, Lidar
 from data_gen.rig.rig import Rig
-from fusion_net.common.boxes import CATEGORY_TO_CLASS
 from fusion_net.common.geometry import to_quaternion
+from fusion_net.common.nuscenes_format import CATEGORY_TO_CLASS
 
 SCENE_TABLES = ("log", "map", "scene", "sample", "sample_data", "ego_pose", "instance", "sample_annotation")
 ATTRIBUTES = (

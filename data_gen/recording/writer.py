@@ -25,10 +25,9 @@ from data_gen.rig.rig import Rig
 from data_gen.scene.scene import Scene
 from data_gen.sensors.lidar.lidar import LidarSweep
 from data_gen.sensors.radar.radar import RadarScan
-from fusion_net.common.boxes import CATEGORY_TO_CLASS, CLASSES
 from fusion_net.common.faults import FaultPlan
 from fusion_net.common.geometry import to_quaternion
-from fusion_net.nuscenes.nuscenes import REFERENCE
+from fusion_net.common.nuscenes_format import CATEGORY_TO_CLASS, CLASSES, REFERENCE
 
 Row = dict[str, Any]
 

@@ -9,7 +9,7 @@ from beartype import beartype
 from numpy.typing import NDArray
 
 from fusion_net.common.geometry import from_rpy
-from fusion_net.data.batch import MODALITIES
+from fusion_net.common.nuscenes_format import MODALITIES
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -14,8 +14,8 @@ from beartype import beartype
 from numpy.typing import NDArray
 
 from fusion_net.common.fault_effects import Array, Effect, Mask, Number, Rings
+from fusion_net.common.nuscenes_format import MODALITIES
 from fusion_net.common.random import stream
-from fusion_net.data.batch import MODALITIES
 
 Key = tuple[int, str, *tuple[str | int, ...]]
 """Seed, token and more that a draw follows from."""

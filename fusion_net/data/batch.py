@@ -12,8 +12,6 @@ from torch import Tensor
 
 from fusion_net.common.boxes import Boxes
 
-MODALITIES = ("camera", "lidar", "radar")
-
 LIDAR_CHANNELS = ("x", "y", "z", "intensity", "dt")
 """Metres in the reference ego frame, intensity in [0, 1], dt = reference time - point time in seconds (>= 0 for the past)."""
 

@@ -17,10 +17,10 @@ from fusion_net.common.bev_grid import BEVGrid
 from fusion_net.common.faults import FaultPlan
 from fusion_net.data.augment import Augment
 from fusion_net.data.batch import Batch
+from fusion_net.data.readable import refuse_missing_files, refuse_unlike_images
 from fusion_net.data.samples import Sample, SampleReader, labelled_boxes
 from fusion_net.data.targets import center_targets
-from fusion_net.nuscenes.datasets import open_trees, refuse_unlike_images, split_of
-from fusion_net.nuscenes.missing_files import refuse_missing_files
+from fusion_net.nuscenes.datasets import open_trees, split_of
 from fusion_net.nuscenes.nuscenes import NuScenes
 
 

@@ -10,11 +10,12 @@ import numpy as np
 from beartype import beartype
 from numpy.typing import NDArray
 
-from fusion_net.common.boxes import CLASSES, Boxes, transform_boxes
+from fusion_net.common.boxes import Boxes, transform_boxes
 from fusion_net.common.fault_effects import smear
 from fusion_net.common.faults import Fault, FaultPlan
 from fusion_net.common.geometry import invert
-from fusion_net.data.batch import LIDAR_CHANNELS, MODALITIES
+from fusion_net.common.nuscenes_format import CLASSES, MODALITIES
+from fusion_net.data.batch import LIDAR_CHANNELS
 from fusion_net.data.cameras import CameraView, check_size, fit_image, view_camera
 from fusion_net.data.point_clouds import lidar_cloud, radar_cloud
 from fusion_net.data.propagation import propagate_lidar, propagate_radar

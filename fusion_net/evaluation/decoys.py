@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from scipy.stats import rankdata
 
-from fusion_net.common.boxes import CATEGORY_TO_CLASS
 from fusion_net.common.geometry import invert
+from fusion_net.common.nuscenes_format import CATEGORY_TO_CLASS
 from fusion_net.evaluation.drop_table import SUBSETS
 from fusion_net.evaluation.scoring import GroundTruth, table_order
 from fusion_net.metrics.matching import ClassMatches

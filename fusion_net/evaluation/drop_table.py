@@ -14,7 +14,8 @@ from torch import Tensor
 from tqdm import tqdm
 
 from fusion_net.common.boxes import Boxes
-from fusion_net.data.batch import MODALITIES, Batch
+from fusion_net.common.nuscenes_format import MODALITIES
+from fusion_net.data.batch import Batch
 from fusion_net.evaluation.bootstrap import bootstrap_map, draw_scenes, interval
 from fusion_net.evaluation.random_guess import random_guess
 from fusion_net.evaluation.scoring import GroundTruth

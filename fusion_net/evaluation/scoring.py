@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fusion_net.common.bev_grid import BEVGrid
-from fusion_net.common.boxes import CLASSES, Boxes
+from fusion_net.common.boxes import Boxes
 from fusion_net.common.geometry import invert
+from fusion_net.common.nuscenes_format import CLASSES
 from fusion_net.data.datamodule import NuScenesDataset
 from fusion_net.metrics.box_filter import BoxFilter
 from fusion_net.metrics.detection import CLASS_RANGE, DetectionMetric, DetectionMetrics

@@ -13,7 +13,7 @@ import numpy as np
 from beartype import beartype
 from numpy.typing import NDArray
 
-from fusion_net.common.boxes import CLASSES
+from fusion_net.common.nuscenes_format import CLASSES
 from fusion_net.metrics.matching import TP_ERRORS, ClassMatches, match_class
 from fusion_net.metrics.sample_boxes import SampleBoxes
 

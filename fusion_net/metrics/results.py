@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fusion_net.common.boxes import Boxes
-from fusion_net.data.batch import MODALITIES
+from fusion_net.common.nuscenes_format import MODALITIES
 from fusion_net.metrics.detection import MAX_BOXES
 from fusion_net.metrics.sample_boxes import SampleBoxes, stack
 

@@ -6,7 +6,8 @@ import torch
 from beartype import beartype
 from torch import Tensor, nn
 
-from fusion_net.data.batch import MODALITIES, Batch
+from fusion_net.common.nuscenes_format import MODALITIES
+from fusion_net.data.batch import Batch
 from fusion_net.models.image_network import ImageNetwork
 from fusion_net.models.layers import ConvBlock
 from fusion_net.models.lift_splat import SplatIndex, ViewTransform, ego_points, flat_cells, splat, to_map

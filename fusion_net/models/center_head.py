@@ -9,7 +9,8 @@ from beartype import beartype
 from torch import Tensor, nn
 
 from fusion_net.common.bev_grid import BEVGrid
-from fusion_net.common.boxes import CLASSES, Boxes
+from fusion_net.common.boxes import Boxes
+from fusion_net.common.nuscenes_format import CLASSES
 from fusion_net.models.layers import PRIOR_LOGIT, ConvBlock
 
 REGRESSIONS = {"offset": 2, "height": 1, "size": 3, "rot": 2, "velocity": 2, "log_variance": 2}

@@ -12,7 +12,7 @@ import torch.nn.functional as F
 from beartype import beartype
 from torch import Tensor, nn
 
-from fusion_net.data.batch import MODALITIES
+from fusion_net.common.nuscenes_format import MODALITIES
 from fusion_net.models.layers import ConvBlock
 
 

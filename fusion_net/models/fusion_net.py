@@ -8,7 +8,8 @@ from torch import Tensor, nn
 
 from fusion_net.common.bev_grid import BEVGrid
 from fusion_net.common.boxes import Boxes
-from fusion_net.data.batch import MODALITIES, Batch
+from fusion_net.common.nuscenes_format import MODALITIES
+from fusion_net.data.batch import Batch
 from fusion_net.models.camera_encoder import CameraEncoder
 from fusion_net.models.center_head import CenterHead
 from fusion_net.models.fuser import AverageFuser, ConcatFuser

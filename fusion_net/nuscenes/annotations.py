@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from fusion_net.common.boxes import CATEGORY_TO_CLASS, CLASSES, Boxes
+from fusion_net.common.boxes import Boxes
+from fusion_net.common.nuscenes_format import CATEGORY_TO_CLASS, CLASSES
 from fusion_net.nuscenes.table_fields import Tables
 
 MAX_TIME_DIFF = 1.5

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
-from fusion_net.data.samples import SampleReader
 from fusion_net.nuscenes.nuscenes import NuScenes
 from fusion_net.nuscenes.tables import versions
 
@@ -41,23 +40,6 @@ def split_of(trees: Sequence[NuScenes], name: str) -> list[tuple[NuScenes, str]]
     for tree in having:
         rank.setdefault(_whole(tree), len(rank))
     return sorted(samples, key=lambda each: (rank[_whole(each[0])], _scene_of_shard(*each)))
-
-
-def refuse_unlike_images(reader: SampleReader, samples: Sequence[tuple[NuScenes, str]]) -> None:
-    """ValueError when data sets read together give unlike numbers or sizes of images, which no batch can hold."""
-    first = {tree.fingerprint or str(tree.root): (tree, token) for tree, token in reversed(samples)}
-    if len(first) == 1:
-        return
-    found = {tree.root: reader.read(tree, token).images.shape[:3] for tree, token in reversed(first.values())}
-    (one, shape), *others = found.items()
-    for other, unlike in others:
-        if shape != unlike:
-            both = ((one, shape), (other, unlike))
-            said = [f"{root} has {n} of {width}x{height}" for root, (n, height, width) in both]
-            raise ValueError(
-                f"images that no batch can hold: {', '.join(said)}; choose the same for both with reader.train.cameras"
-                " and reader.train.image_size, or use one of the folders"
-            )
 
 
 def _open(folder: Path, version: str | None) -> list[NuScenes]:

@@ -13,13 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from fusion_net.common.nuscenes_format import BEAMS, REFERENCE
 from fusion_net.nuscenes.annotations import Annotations, AnnotationTable, BicycleRacks
 from fusion_net.nuscenes.splits import read_splits
 from fusion_net.nuscenes.table_fields import Record
 from fusion_net.nuscenes.tables import load_tables, manifest, mend, version_folder
-
-REFERENCE = "LIDAR_TOP"
-"""The channel whose keyframe gives a sample its reference time and ego pose."""
 
 
 class NuScenes:
@@ -146,7 +144,7 @@ class NuScenes:
     def beams(self) -> dict[str, int]:
         """How many beams each LiDAR has, by channel: 32 where the tree does not say, as in nuScenes."""
         mounts = {self._channel_of[token]: mount for token, mount in self.tables["calibrated_sensor"].items()}
-        return {channel: mounts[channel].get("beams", 32) for channel in self.channels("lidar") if channel in mounts}
+        return {channel: mounts[channel].get(BEAMS, 32) for channel in self.channels("lidar") if channel in mounts}
 
     @cached_property
     def splits(self) -> dict[str, list[str]]:

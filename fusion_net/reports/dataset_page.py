@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 from matplotlib.figure import Figure
 
-from fusion_net.common.boxes import CLASSES
 from fusion_net.common.drawing import label
+from fusion_net.common.nuscenes_format import CLASSES
 from fusion_net.reports import dataset_page_objects as objects
 from fusion_net.reports import dataset_page_sensors as sensors
 from fusion_net.reports.dataset_page_style import Drawing, draw

@@ -4,8 +4,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle, Rectangle
 
-from fusion_net.common.boxes import CLASSES
 from fusion_net.common.drawing import label
+from fusion_net.common.nuscenes_format import CLASSES
 from fusion_net.reports.dataset_page_style import COLOR_OF, GROUPS, stacked
 from fusion_net.reports.dataset_summary import RANGES, SPEEDS, VISIBILITY, Summary
 from fusion_net.reports.dataset_survey import Survey

@@ -5,8 +5,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from fusion_net.common.boxes import CLASSES
 from fusion_net.common.drawing import label
+from fusion_net.common.nuscenes_format import CLASSES
 from fusion_net.reports.dataset_page_style import COLOR_OF, FIVE
 from fusion_net.reports.dataset_summary import RANGES, Summary, all_returns
 from fusion_net.reports.dataset_survey import Survey

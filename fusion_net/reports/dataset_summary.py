@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fusion_net.common.boxes import CLASSES
+from fusion_net.common.nuscenes_format import CLASSES
 from fusion_net.reports.dataset_survey import Survey
 
 RANGES = (0, 10, 20, 30, 40, 50, 60)

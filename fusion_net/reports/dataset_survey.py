@@ -7,10 +7,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fusion_net.common.boxes import CLASSES, Boxes
+from fusion_net.common.boxes import Boxes
 from fusion_net.common.geometry import invert, transform
+from fusion_net.common.nuscenes_format import CLASSES
+from fusion_net.data.readable import refuse_missing_files
 from fusion_net.data.samples import SampleReader
-from fusion_net.nuscenes.missing_files import refuse_missing_files
 from fusion_net.nuscenes.nuscenes import NuScenes
 from fusion_net.nuscenes.sensor_files import read_image, read_radar
 

@@ -3,7 +3,7 @@
 import torch
 from torch import Tensor
 
-from fusion_net.data.batch import MODALITIES
+from fusion_net.common.nuscenes_format import MODALITIES
 
 PROPER_SUBSETS = torch.tensor(
     [[bool(bits >> m & 1) for m in range(len(MODALITIES))] for bits in range(1, 2 ** len(MODALITIES) - 1)]

@@ -3,7 +3,8 @@
 import lightning.pytorch as pl
 import torch
 
-from fusion_net.data.batch import MODALITIES, Batch
+from fusion_net.common.nuscenes_format import MODALITIES
+from fusion_net.data.batch import Batch
 from fusion_net.models.camera_encoder import CameraEncoder
 from fusion_net.models.fusion_net import FusionNet
 from fusion_net.training.modality_dropout import draw_present

@@ -20,9 +20,10 @@ from numpy.typing import NDArray
 from fusion_net.common.bev_grid import BEVGrid
 from fusion_net.common.cli.terminal import print_any_text
 from fusion_net.common.drawing import BEVPanel, Image, boxes_on_image, depth_colors, points_on_image
+from fusion_net.common.nuscenes_format import REFERENCE
+from fusion_net.data.readable import refuse_missing_files
 from fusion_net.data.samples import Sample, SampleReader
-from fusion_net.nuscenes.missing_files import refuse_missing_files
-from fusion_net.nuscenes.nuscenes import REFERENCE, NuScenes
+from fusion_net.nuscenes.nuscenes import NuScenes
 from fusion_net.nuscenes.sensor_files import read_labels
 from fusion_net.nuscenes.table_fields import Record
 from fusion_net.viz.calibration import agreement, at_time, follow, turned

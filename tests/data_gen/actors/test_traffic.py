@@ -16,7 +16,7 @@ from data_gen.road.layout import LAYOUTS, Layout, record_layout
 from data_gen.road.track import Track
 from data_gen.scene.scene import STANDSTILL, Actor
 from data_gen.world.marks import crossings
-from fusion_net.common.boxes import CATEGORY_TO_CLASS, CLASSES
+from fusion_net.common.nuscenes_format import CATEGORY_TO_CLASS, CLASSES
 
 DURATION = 1.6
 

@@ -10,7 +10,7 @@ from embreex.rtcore_scene import EmbreeScene
 
 from data_gen.assets.catalogue import PAINTS, PROPS, VARIANT_NAMES, VARIANTS, _build, build_asset, decoy_of, giant
 from data_gen.assets.shapes.mesh import TEXTURES
-from fusion_net.common.boxes import CATEGORY_TO_CLASS, CLASSES
+from fusion_net.common.nuscenes_format import CATEGORY_TO_CLASS, CLASSES
 
 EVERY = [(kind, variant) for kind, count in VARIANTS.items() for variant in range(count)]
 every_body = pytest.mark.parametrize(("kind", "variant"), EVERY, ids=[f"{k}-{VARIANT_NAMES[k][v]}" for k, v in EVERY])

@@ -7,10 +7,10 @@ from data_gen.assets.shapes.mesh import Asset
 from data_gen.recording import tables
 from data_gen.recording.writer import write_json, write_scene
 from data_gen.rig.rig import Lidar, Radar, Rig
-from fusion_net.common.boxes import CLASSES
 from fusion_net.common.fault_effects import Clock, Dead, LostPoints, Mismount, Stale
 from fusion_net.common.faults import Fault, FaultPlan
 from fusion_net.common.geometry import transform
+from fusion_net.common.nuscenes_format import CLASSES
 from fusion_net.nuscenes.nuscenes import NuScenes
 from fusion_net.nuscenes.sensor_files import read_lidar, read_radar
 from tests.fixtures.box_world import at, box, path, reflectors, scene

@@ -3,7 +3,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fusion_net.common.boxes import CATEGORY_TO_CLASS, CLASSES, Boxes, box_corners, points_in_box
+from fusion_net.common.boxes import Boxes, box_corners, points_in_box
+from fusion_net.common.nuscenes_format import CATEGORY_TO_CLASS, CLASSES
 
 
 def test_every_class_has_a_category():

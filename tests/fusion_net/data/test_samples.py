@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from fusion_net.common.boxes import CLASSES
 from fusion_net.common.geometry import invert, project, transform
+from fusion_net.common.nuscenes_format import CLASSES
 from fusion_net.data.samples import SampleReader
 from fusion_net.nuscenes.nuscenes import NuScenes
 from tests.fixtures.tiny_tree import (

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from fusion_net.common.bev_grid import BEVGrid
-from fusion_net.common.boxes import CLASSES, Boxes
+from fusion_net.common.boxes import Boxes
 from fusion_net.common.geometry import invert, transform
+from fusion_net.common.nuscenes_format import CLASSES
 from fusion_net.evaluation.decoys import Bodies, auc, audit_decoys, best_f1_score, best_scores, read_bodies
 from fusion_net.evaluation.drop_table import SUBSETS
 from fusion_net.evaluation.scoring import GroundTruth

@@ -6,8 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fusion_net.common.bev_grid import BEVGrid
-from fusion_net.common.boxes import CLASSES, Boxes
+from fusion_net.common.boxes import Boxes
 from fusion_net.common.geometry import from_rpy, from_yaw, to_quaternion, transform
+from fusion_net.common.nuscenes_format import CLASSES
 from fusion_net.evaluation.scoring import GroundTruth
 from fusion_net.metrics.box_filter import BoxFilter
 from fusion_net.metrics.detection import DetectionMetric

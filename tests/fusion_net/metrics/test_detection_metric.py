@@ -12,7 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fusion_net.common.bev_grid import BEVGrid
-from fusion_net.common.boxes import CLASSES, Boxes
+from fusion_net.common.boxes import Boxes
+from fusion_net.common.nuscenes_format import CLASSES
 from fusion_net.evaluation.scoring import GroundTruth
 from fusion_net.metrics.detection import DetectionMetric
 from fusion_net.metrics.matching import TP_ERRORS

@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fusion_net.common.boxes import CLASSES, Boxes
+from fusion_net.common.boxes import Boxes
+from fusion_net.common.nuscenes_format import CLASSES
 from fusion_net.metrics.results import ATTRIBUTES, MOVING_SPEED, attributes_of, predicted, read_results, write_results
 
 CAR_AND_CONE = ["car", "traffic_cone"]

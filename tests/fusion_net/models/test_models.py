@@ -8,7 +8,7 @@ import torch
 
 from benchmarks.model_step import load_model, random_batch
 from fusion_net.common.bev_grid import BEVGrid
-from fusion_net.data.batch import MODALITIES
+from fusion_net.common.nuscenes_format import MODALITIES
 from fusion_net.models.bev_decoder import BEVDecoder
 from fusion_net.models.camera_encoder import CameraEncoder
 from fusion_net.models.center_head import CenterHead

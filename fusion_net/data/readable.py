@@ -1,4 +1,5 @@
-"""Files that the tables name and that are not there: counted before the first is read.
+"""What is checked before the first sample is read: files that the tables name and that are not there, images that no batch
+can hold.
 
 A sensor is dead where the tables have no record of it. A record without its file is an archive that was not extracted.
 """
@@ -68,3 +69,20 @@ def _message(tree: NuScenes, files_of: dict[str, dict[str, str]], missing: dict[
     advice = mend(tree.root) if manifest(tree.root) else is_there
     record = f"{tree.folder / 'sample_data.json'}: the record {files_of[channel][first]!r}"
     return f"{tree.root}: {'; '.join(counts)}; {record} has filename={first!r}: {advice}"
+
+
+def refuse_unlike_images(reader: SampleReader, samples: Sequence[tuple[NuScenes, str]]) -> None:
+    """ValueError when data sets read together give unlike numbers or sizes of images, which no batch can hold."""
+    first = {tree.fingerprint or str(tree.root): (tree, token) for tree, token in reversed(samples)}
+    if len(first) == 1:
+        return
+    found = {tree.root: reader.read(tree, token).images.shape[:3] for tree, token in reversed(first.values())}
+    (one, shape), *others = found.items()
+    for other, unlike in others:
+        if shape != unlike:
+            both = ((one, shape), (other, unlike))
+            said = [f"{root} has {n} of {width}x{height}" for root, (n, height, width) in both]
+            raise ValueError(
+                f"images that no batch can hold: {', '.join(said)}; choose the same for both with reader.train.cameras"
+                " and reader.train.image_size, or use one of the folders"
+            )

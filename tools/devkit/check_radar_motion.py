@@ -15,8 +15,9 @@ DRIVES = 3.0
 """m/s of the sensor from which its direction of travel tells something."""
 OFF_PATH, OFF_HEADING = 0.03, 0.4
 """Metres and degrees from the path of the other sensors' poses: braking and steering within half a second."""
-OFF_OWN = 0.05
-"""m/s of most returns: where the steering changes and no pose follows, the slope of the path is off by more (0.3 m/s)."""
+OFF_OWN = (0.05, 1.0)
+"""m/s, and m/s by the root of the number of returns: where the steering changes, the slope of the path is off by up to 0.3 m/s,
+which a case of few scans has many of."""
 OFF_TRAVEL = (0.2, 0.01)
 """Degrees, and share of the speed, by which the car's travel may differ from the path's, with four standard errors more."""
 AHEAD = 10.0
@@ -116,7 +117,8 @@ def _own_velocity(tree: NuScenes, paths: dict, channel: str, age: str, scans: li
             doppler.append(-scan.speed)
     case, off = f"{channel}, {age}", np.concatenate(errors)
     what = "radar vx_comp: off vx and the car's own speed, 90 % below"
-    yield Finding(what, float(np.percentile(off, 90)) if len(off) else 0.0, "<=", OFF_OWN, len(off), "m/s", case, 50)
+    limit = OFF_OWN[0] + OFF_OWN[1] / math.sqrt(max(len(off), 1))
+    yield Finding(what, float(np.percentile(off, 90)) if len(off) else 0.0, "<=", limit, len(off), "m/s", case, 50)
     rows = np.stack([np.concatenate(ahead), np.concatenate(across)], axis=1)
     along, aside, sigma = _robust_fit(rows, np.concatenate(doppler))
     turned = abs(math.degrees(math.atan2(aside, along)))

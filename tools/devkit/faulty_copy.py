@@ -31,7 +31,7 @@ class FaultyCopy:
 
     def rows(self, table: str) -> list[dict]:
         """All rows of a table."""
-        return json.loads((self._tables / f"{table}.json").read_text())
+        return json.loads((self._tables / f"{table}.json").read_text(encoding="utf-8"))
 
     def write_rows(self, table: str, rows: list[dict]) -> None:
         """Replaces a table."""

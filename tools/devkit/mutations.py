@@ -84,11 +84,11 @@ def main() -> None:
     arguments = parser.parse_args()
     found = {root.name: caught(root, arguments.only) for root in arguments.root}
     if arguments.json:
-        arguments.json.write_text(json.dumps(found, indent=1) + "\n")
+        arguments.json.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
     if arguments.docs:
         marked = re.compile(f"{BEGIN}.*{END}", re.DOTALL)
-        text = arguments.docs.read_text()
-        arguments.docs.write_text(marked.sub(lambda _: f"{BEGIN}\n{_table(found)}\n{END}", text))
+        text = arguments.docs.read_text(encoding="utf-8")
+        arguments.docs.write_text(marked.sub(lambda _: f"{BEGIN}\n{_table(found)}\n{END}", text), encoding="utf-8")
     elif not arguments.json:
         print(_table(found))
 

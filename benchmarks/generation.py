@@ -23,7 +23,9 @@ from hydra import compose, initialize_config_dir
 from data_gen import episode
 from data_gen.generate import DataConfig, Job, make_folders
 from data_gen.jobs.workers import limit_threads
-from data_gen.recording import capture
+from data_gen.sensors.camera import camera
+from data_gen.sensors.lidar import lidar
+from data_gen.sensors.radar import radar
 from fusion_net.common.cli.command import CONFIGS, build
 
 DATA = {"nano": 24, "surround": 8}
@@ -39,11 +41,11 @@ STEPS = {
     "traffic": (episode, "populate"),
     "scenery": (episode, "build_world"),
     "scene trees": (episode, "Scene"),
-    "camera": (capture, "render_camera"),
-    "LiDAR": (capture, "scan_lidar"),
-    "radar": (capture, "detect_radars"),
+    "camera": (camera, "sense"),
+    "LiDAR": (lidar, "sense"),
+    "radar": (radar, "sense_batch"),
 }
-"""The function that does each step, by the module that calls it; what is left is files."""
+"""The function that does each step, in the module through which it is called; what is left is files."""
 
 
 class Stopwatch:

@@ -25,11 +25,13 @@ from data_gen.jobs.progress import Progress
 from data_gen.jobs.shard import Shard
 from data_gen.jobs.workers import run_parallel
 from data_gen.recording import tables
-from data_gen.recording.writer import write_json, write_scene
+from data_gen.recording.record import record_scene
 from data_gen.rig.coverage import sector_covered
 from data_gen.rig.rig import Rig
 from data_gen.scene.conditions import ConditionMix
+from fusion_net.common.atomic import write_json
 from fusion_net.common.faults import Fault, FaultPlan
+from fusion_net.common.nuscenes_format import MANIFEST_FILE, MAPS, SAMPLES, SWEEPS
 from fusion_net.common.random import stream
 
 
@@ -96,7 +98,7 @@ class Job:
             condition=self.condition,
             view=sector_covered(self.rig),
         )
-        rows = write_scene(
+        rows = record_scene(
             scene, self.rig, root=Path(self.data.root), dataset=self.data.name, index=index,
             keyframes=self.data.keyframes, seed=seed, layout=layout, faults=FaultPlan(self.faults, self.seed),
         )  # fmt: skip
@@ -132,7 +134,7 @@ def generate(
         check_parent(parent, root, manifest)
     check_folder(root, manifest)
     with only_generator(root), _disk_named(root):
-        write_json(root / "manifest.json", manifest)
+        write_json(root / MANIFEST_FILE, manifest)
         make_folders(job)
         missing = [index for index in splits if not _is_finished(record_path(root, index))]
         started = time.perf_counter()
@@ -140,7 +142,7 @@ def generate(
         seconds = time.perf_counter() - started
         records = {record_path(root, index): split for index, split in splits.items()}
         manifest |= {"complete": True, "counts": tables.write_tables(root, job.data.name, job.rig, records)}
-        write_json(root / "manifest.json", manifest)
+        write_json(root / MANIFEST_FILE, manifest)
     frames = len(missing) * job.data.keyframes
     if frames:
         print(f"{frames} keyframes in {seconds:.0f} s: {frames / seconds:.1f} a second")
@@ -149,8 +151,8 @@ def generate(
 
 def make_folders(job: Job) -> None:
     """The tree that scenes are written into."""
-    channels = [f"{kind}/{channel}" for kind in ("samples", "sweeps") for channel in job.rig.sensors]
-    for folder in (*channels, "maps", "scenes"):
+    channels = [f"{kind}/{channel}" for kind in (SAMPLES, SWEEPS) for channel in job.rig.sensors]
+    for folder in (*channels, MAPS, "scenes"):
         (Path(job.data.root) / folder).mkdir(parents=True, exist_ok=True)
 
 

@@ -11,11 +11,12 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from fusion_net.common.nuscenes_format import MANIFEST_FILE
 from fusion_net.common.settings import differences
 
 FORMAT = 3
 """Raised when the same settings give other bytes than before: old folders are then not continued."""
-OWN = {".lock", "manifest.json.part"}
+OWN = {".lock", f"{MANIFEST_FILE}.part"}
 """What lies in a folder in which a generator stopped before it wrote the manifest."""
 ROOM = 50 * 2**20
 """Bytes that must be free before anything is written."""
@@ -38,7 +39,7 @@ def check_folder(root: Path, manifest: dict[str, Any]) -> None:
     """ValueError when ``root`` holds anything but a part of the data set of this manifest."""
     if root.exists() and not root.is_dir():
         raise ValueError(f"data.root={root} is a file, not a folder")
-    path = root / "manifest.json"
+    path = root / MANIFEST_FILE
     if not path.exists():
         if root.exists() and any(root.glob("shard-*-of-*")):
             raise ValueError(f"data.root={root} holds shards; pass shard=NUMBER/COUNT or data.root=ANOTHER_FOLDER")
@@ -65,13 +66,13 @@ def check_folder(root: Path, manifest: dict[str, Any]) -> None:
 
 def check_parent(parent: Path, shard: Path, manifest: dict[str, Any]) -> None:
     """ValueError when ``parent`` holds a data set that is not in shards, or shards that ``shard`` is none of."""
-    if (parent / "manifest.json").exists():
+    if (parent / MANIFEST_FILE).exists():
         raise ValueError(f"data.root={parent} holds a data set that is not in shards; pass data.root=ANOTHER_FOLDER")
     count = shard.name.rpartition("-")[2]
     for other in sorted(parent.glob("shard-*-of-*")):
         if not other.name.endswith(f"-of-{count}"):
             raise ValueError(f"{other} is none of {count} shards; pass data.root=ANOTHER_FOLDER")
-        if other != shard and (other / "manifest.json").exists():
+        if other != shard and (other / MANIFEST_FILE).exists():
             check_folder(other, manifest)
 
 

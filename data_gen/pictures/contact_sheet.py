@@ -49,9 +49,9 @@ def draw_layouts(path: Path, rig: Rig, mix: ConditionMix, *, severity: int, seed
 
 
 def _picture(scene: Scene, rig: Rig, seed: int) -> Image:
-    """The first image of a rig; what would fire after it does not."""
-    keyframes = (firing for firing in capture(scene, rig, keyframes=1, seed=seed) if firing.is_keyframe)
-    return next(data_of(keyframes, rig.cameras)).image
+    """The first image of a rig; what comes after it is not measured."""
+    captured = capture(scene, rig, keyframes=1, seed=seed)
+    return next(data_of((pair for pair in captured if pair[0].is_keyframe), rig.cameras)).image
 
 
 if __name__ == "__main__":

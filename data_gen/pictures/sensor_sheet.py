@@ -1,29 +1,28 @@
 """One keyframe in every condition as camera, LiDAR and radar measure it: the same world, with the errors of each sensor."""
 
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from data_gen.pictures.sheet import Image, data_of, short_scene, single_condition, write_sheet
-from data_gen.recording.capture import Firing, capture, keyframe_times
+from data_gen.pictures.sheet import Captured, Image, data_of, short_scene, single_condition, write_sheet
+from data_gen.recording.capture import capture
+from data_gen.recording.schedule import keyframe_times
 from data_gen.rig.rig import Rig
 from data_gen.scene.conditions import Condition, ConditionMix
 from data_gen.scene.scene import Scene
+from data_gen.sensors.radar.radar import STATIONARY_SPEED, RadarScan
 from fusion_net.common.bev_grid import BEVGrid
 from fusion_net.common.boxes import Boxes, transform_boxes
 from fusion_net.common.drawing import BEVPanel, label
 from fusion_net.common.geometry import invert, transform
 
 GROUND = BEVPanel(BEVGrid(x_min=-2.0, x_max=62.0, y_min=-24.0, y_max=24.0, cell=0.5), scale=5.0)
-BOX, STILL, MOVING = (70, 150, 70), (90, 190, 255), (255, 140, 50)
+BOX_COLOR, STILL_COLOR, MOVING_COLOR = (70, 150, 70), (90, 190, 255), (255, 140, 50)
 CAMERA_WIDTH = 800
 FAR = 15.0
 """Metres from which LiDAR points are few and drawn larger."""
-FAST = 0.5
-"""Compensated radial speed in m/s from which a radar return is drawn as a moving one."""
 
 
 def draw_sensors(path: Path, rig: Rig, mix: ConditionMix, *, layout: str, severity: int, seed: int) -> None:
@@ -35,26 +34,26 @@ def draw_sensors(path: Path, rig: Rig, mix: ConditionMix, *, layout: str, severi
     rows, names = [], []
     for name in mix.weights:
         scene = short_scene(rig, layout, single_condition(mix, name, severity), seed)
-        firings = [firing for firing in capture(scene, rig, keyframes=1, seed=seed) if firing.is_keyframe]
+        captured = [pair for pair in capture(scene, rig, keyframes=1, seed=seed) if pair[0].is_keyframe]
         time = float(keyframe_times(rig, 1)[0])
         boxes = _boxes(scene, time)
-        panels = [_camera(firings, rig), _lidar(firings, rig, boxes), _radar(firings, rig, scene, time, boxes)]
+        panels = [_camera(captured, rig), _lidar(captured, rig, boxes), _radar(captured, rig, scene, time, boxes)]
         rows.append([_high(panel, panels[1].shape[0]) for panel in panels])
-        names.append(f"{label(name)}\n{_figures(scene.condition, firings, rig)}")
+        names.append(f"{label(name)}\n{_figures(scene.condition, captured, rig)}")
     columns = ("camera", "LiDAR: colour is intensity", "radar: blue stands, orange moves")
     write_sheet(path, rows, row_names=names, column_names=columns, side=164)
 
 
-def _camera(firings: list[Firing], rig: Rig) -> Image:
-    image = next(data_of(firings, rig.cameras)).image
+def _camera(captured: list[Captured], rig: Rig) -> Image:
+    image = next(data_of(captured, rig.cameras)).image
     size = (CAMERA_WIDTH, round(image.shape[0] * CAMERA_WIDTH / image.shape[1]))
     return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_CUBIC), np.uint8)
 
 
-def _lidar(firings: list[Firing], rig: Rig, boxes: Boxes) -> Image:
+def _lidar(captured: list[Captured], rig: Rig, boxes: Boxes) -> Image:
     ground = GROUND.canvas()
-    GROUND.boxes(ground, boxes, BOX)
-    for lidar, sweep in zip(rig.lidars.values(), data_of(firings, rig.lidars), strict=True):
+    GROUND.boxes(ground, boxes, BOX_COLOR)
+    for lidar, sweep in zip(rig.lidars.values(), data_of(captured, rig.lidars), strict=True):
         points = transform(lidar.ego_T_sensor, sweep.points)
         level = np.clip(255 * np.sqrt(sweep.intensity / 100), 45, 235).astype(np.uint8)
         colors = cv2.applyColorMap(level[:, None], cv2.COLORMAP_TURBO).reshape(-1, 3)[:, ::-1]
@@ -64,19 +63,19 @@ def _lidar(firings: list[Firing], rig: Rig, boxes: Boxes) -> Image:
     return _turned(ground)
 
 
-def _radar(firings: list[Firing], rig: Rig, scene: Scene, time: float, boxes: Boxes) -> Image:
+def _radar(captured: list[Captured], rig: Rig, scene: Scene, time: float, boxes: Boxes) -> Image:
     ground = GROUND.canvas()
-    GROUND.boxes(ground, boxes, BOX)
+    GROUND.boxes(ground, boxes, BOX_COLOR)
     global_T_ego = scene.ego.pose(time)
-    for firing in (firing for firing in firings if firing.channel in rig.radars):
-        scan: Any = firing.data
-        ego_T_sensor = invert(global_T_ego) @ scene.ego.pose(firing.time) @ rig.radars[firing.channel].ego_T_sensor
-        points = transform(ego_T_sensor, np.stack([scan.x, scan.y, np.zeros_like(scan.x)], axis=1))
+    for event, scan in (pair for pair in captured if pair[0].channel in rig.radars):
+        assert isinstance(scan, RadarScan)
+        ego_T_sensor = invert(global_T_ego) @ scene.ego.pose(event.time) @ event.mount.ego_T_sensor
+        points = transform(ego_T_sensor, scan.points_in_sensor_frame)
         velocity = np.stack([scan.vx_comp, scan.vy_comp], axis=1) @ ego_T_sensor[:2, :2].T
-        moving = np.hypot(scan.vx_comp, scan.vy_comp) > FAST
-        GROUND.points(ground, points[~moving], STILL, radius=2)
-        GROUND.points(ground, points[moving], MOVING, radius=2)
-        GROUND.arrows(ground, points[moving, :2], velocity[moving] / 2, MOVING)
+        moving = np.hypot(scan.vx_comp, scan.vy_comp) > STATIONARY_SPEED
+        GROUND.points(ground, points[~moving], STILL_COLOR, radius=2)
+        GROUND.points(ground, points[moving], MOVING_COLOR, radius=2)
+        GROUND.arrows(ground, points[moving, :2], velocity[moving] / 2, MOVING_COLOR)
     return _turned(ground)
 
 
@@ -102,10 +101,10 @@ def _high(image: Image, height: int) -> Image:
     return np.pad(image, ((room // 2, room - room // 2), (0, 0), (0, 0))) if room > 0 else image[:height]
 
 
-def _figures(condition: Condition, firings: list[Firing], rig: Rig) -> str:
+def _figures(condition: Condition, captured: list[Captured], rig: Rig) -> str:
     """The physical conditions of the scene, and how much of it each sensor detects."""
-    image = next(data_of(firings, rig.cameras)).image
-    lidar, radar = ([data.body for data in data_of(firings, mounts)] for mounts in (rig.lidars, rig.radars))
+    image = next(data_of(captured, rig.cameras)).image
+    lidar, radar = ([data.body for data in data_of(captured, mounts)] for mounts in (rig.lidars, rig.radars))
     return "\n".join(
         [
             f"{condition.illuminance:,.0f} lux, sun {condition.sun_elevation:.0f}°",

@@ -10,12 +10,13 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from data_gen.episode import build_episode
-from data_gen.recording.capture import Firing
 from data_gen.rig.coverage import sector_covered
 from data_gen.rig.mounts import Mount
 from data_gen.rig.rig import Rig
 from data_gen.scene.conditions import ConditionMix
 from data_gen.scene.scene import Scene
+from data_gen.sensors.common.data import SensorData
+from data_gen.sensors.common.event import CaptureEvent
 
 Image = NDArray[np.uint8]
 
@@ -40,9 +41,13 @@ def short_scene(rig: Rig, layout: str, condition: ConditionMix, seed: int) -> Sc
     )
 
 
-def data_of(firings: Iterable[Firing], mounts: Mapping[str, Mount]) -> Iterator[Any]:
-    """What the firings of these sensors gave."""
-    return (firing.data for firing in firings if firing.channel in mounts)
+Captured = tuple[CaptureEvent, SensorData]
+"""An event and what was measured."""
+
+
+def data_of(captured: Iterable[Captured], mounts: Mapping[str, Mount]) -> Iterator[Any]:
+    """What these sensors measured."""
+    return (data for event, data in captured if event.channel in mounts)
 
 
 def write_sheet(

@@ -7,14 +7,8 @@ import numpy as np
 from data_gen.sensors.lidar.lidar import LidarSweep
 from data_gen.sensors.radar.flags import UNAMBIGUOUS
 from data_gen.sensors.radar.radar import RadarScan
+from fusion_net.common.nuscenes_format import CAUSE_SUFFIX, FILE_SUFFIX, RADAR_FIELDS, TIME_SUFFIX
 
-RADAR_FIELDS = (
-    ("x", "F", 4), ("y", "F", 4), ("z", "F", 4), ("dyn_prop", "I", 1), ("id", "I", 2), ("rcs", "F", 4), ("vx", "F", 4),
-    ("vy", "F", 4), ("vx_comp", "F", 4), ("vy_comp", "F", 4), ("is_quality_valid", "I", 1), ("ambig_state", "I", 1),
-    ("x_rms", "I", 1), ("y_rms", "I", 1), ("invalid_state", "I", 1), ("pdh0", "I", 1), ("vx_rms", "I", 1),
-    ("vy_rms", "I", 1),
-)  # fmt: skip
-"""Name, type and bytes of the 18 columns; 43 bytes a record, packed."""
 RADAR_DTYPE = np.dtype([(name, f"<{'f' if kind == 'F' else 'i'}{size}") for name, kind, size in RADAR_FIELDS])
 
 
@@ -22,7 +16,7 @@ def write_lidar(path: Path, sweep: LidarSweep) -> None:
     """``.pcd.bin``: float32 x, y, z (LIDAR_TOP frame), intensity 0..255, ring; each point's time beside it as ``.npy``."""
     columns = np.column_stack([sweep.points, sweep.intensity, sweep.ring]).astype("<f4")
     path.write_bytes(columns.tobytes())
-    np.save(path.with_name(path.name.removesuffix(".pcd.bin") + ".time.npy"), sweep.time.astype("<f4"))
+    np.save(path.with_name(path.name.removesuffix(FILE_SUFFIX["lidar"]) + TIME_SUFFIX), sweep.time.astype("<f4"))
 
 
 def write_radar(path: Path, scan: RadarScan) -> None:
@@ -55,4 +49,4 @@ def write_radar(path: Path, scan: RadarScan) -> None:
         "DATA binary",
     ]
     path.write_bytes("\n".join(header).encode() + b"\n" + records.tobytes() + b"\n")
-    np.save(path.with_suffix(".cause.npy"), scan.cause)
+    np.save(path.with_suffix(CAUSE_SUFFIX), scan.cause)

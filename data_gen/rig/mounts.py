@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from beartype import beartype
@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from data_gen.rig.lidar_model import LidarModel
 from fusion_net.common.geometry import from_rpy, invert, project, rigid, transform
+from fusion_net.common.nuscenes_format import BEAMS
 
 Array = NDArray[np.float64]
 Interval = tuple[float, float]
@@ -68,6 +69,16 @@ class Mount:
     def resolution(self) -> tuple[int, int] | None:
         """Width and height of an image, beams and columns of a turn; None of a radar, which has cells."""
         return None
+
+    @property
+    def image_size(self) -> tuple[int, int]:
+        """Width and height in pixels; 0, 0 of a sensor without an image."""
+        return 0, 0
+
+    @property
+    def calibration_fields(self) -> dict[str, Any]:
+        """What its record in nuScenes' table calibrated_sensor has besides its place."""
+        return {"camera_intrinsic": []}
 
     def sees(self, points: ArrayLike) -> NDArray[np.bool_]:
         """Which ego points (N, 3) lie within its field of view and range."""
@@ -139,7 +150,17 @@ class Camera(Mount):
     @property
     def resolution(self) -> tuple[int, int]:
         """Width and height."""
+        return self.image_size
+
+    @property
+    def image_size(self) -> tuple[int, int]:
+        """Width and height in pixels."""
         return self.width, self.height
+
+    @property
+    def calibration_fields(self) -> dict[str, Any]:
+        """The camera matrix, and the image's size, which nuScenes' own lacks."""
+        return {"camera_intrinsic": self.cam_K.tolist(), "width": self.width, "height": self.height}
 
     def sees(self, points: ArrayLike) -> NDArray[np.bool_]:
         """Which ego points (N, 3) lie in the image."""
@@ -196,6 +217,11 @@ class Lidar(Mount):
     def elevations_deg(self) -> Array:
         """(B,) of the beams."""
         return np.sort(np.array(self.model.elevation_deg, float))
+
+    @property
+    def calibration_fields(self) -> dict[str, Any]:
+        """How many beams there are, which nuScenes' own lacks."""
+        return super().calibration_fields | {BEAMS: self.model.beams}
 
     @property
     def resolution(self) -> tuple[int, int]:

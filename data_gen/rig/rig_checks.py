@@ -13,6 +13,7 @@ from data_gen.rig.mounts import Camera, Lidar, Mount, Radar
 from data_gen.rig.sensor_suite import ALL, SensorSuite
 from data_gen.road.ego import EGO_OUTLINE
 from fusion_net.common.cli.command_line import command_line
+from fusion_net.common.nuscenes_format import REFERENCE
 
 LOWEST = 0.1
 """Least height of a sensor over the road in metres."""
@@ -27,8 +28,6 @@ MAX_JITTER = 4.0
 EPISODE_LEAD = 1.0
 """Seconds that an episode has before its keyframes, for the sweeps that come before the first."""
 PREFIX = {"cameras": "CAM_", "lidars": "LIDAR_", "radars": "RADAR_"}
-CLOCK = "LIDAR_TOP"
-"""The channel that gives nuScenes' samples their time and pose."""
 
 
 class Problem(NamedTuple):
@@ -60,9 +59,9 @@ def _problems(rig: SensorSuite) -> Iterator[Problem]:
             yield from _named(group, channel)
             for key, value, why, nearest in _of_mount(group, mount, rig.keyframe_rate):
                 yield Problem(f"{group}.{channel}.{key}", value, why, nearest)
-    if CLOCK not in rig.lidars:
+    if REFERENCE not in rig.lidars:
         yield Problem(
-            "lidars", None, f"has no {CLOCK}: a nuScenes sample takes its time and its pose from it; add one", None
+            "lidars", None, f"has no {REFERENCE}: a nuScenes sample takes its time and its pose from it; add one", None
         )
     yield from _twins(rig)
     yield from _timing(rig)
@@ -185,10 +184,12 @@ def _twins(rig: SensorSuite) -> Iterator[Problem]:
 
 
 def _timing(rig: SensorSuite) -> Iterator[Problem]:
-    rate, clock = rig.keyframe_rate, rig.lidars[CLOCK]
+    rate, clock = rig.keyframe_rate, rig.lidars[REFERENCE]
     turns = max(1, round(clock.rate / rate))
     if not math.isclose(rate * turns, clock.rate, rel_tol=1e-6):
-        why = f"Hz is not reached: keyframes are ends of {CLOCK}'s turns, of which there are {clock.rate:g} a second"
+        why = (
+            f"Hz is not reached: keyframes are ends of {REFERENCE}'s turns, of which there are {clock.rate:g} a second"
+        )
         yield Problem("keyframe_rate", rate, why, round(clock.rate / turns, 6))
         return
     for modality, count in rig.sweeps.items():
@@ -214,7 +215,7 @@ def _timing(rig: SensorSuite) -> Iterator[Problem]:
 
 def _unread_keyframes(rig: SensorSuite) -> Iterator[Problem]:
     """Sensors so slow and so irregular that none of their firings may lie between two keyframes."""
-    clock = rig.lidars[CLOCK]
+    clock = rig.lidars[REFERENCE]
     shortest = 1 / rig.keyframe_rate - 2 * MAX_JITTER * clock.jitter
     for channel, mount in rig.sensors.items():
         longest = 1 / mount.rate + 2 * MAX_JITTER * mount.jitter

@@ -33,6 +33,6 @@ class SensorSuite:
         """The modality of every channel."""
         return {channel: mount.modality for channel, mount in self.sensors.items()}
 
-    def past_firings(self, channel: str) -> int | str:
+    def past_events(self, channel: str) -> int | str:
         """The modality's number in ``sweeps``, or ALL."""
         return self.sweeps.get(self.modalities[channel], 0)

@@ -1,10 +1,11 @@
 """Files that are whole or not there at all, whenever the process is killed."""
 
+import json
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 
 @contextmanager
@@ -20,3 +21,9 @@ def replacing(path: Path) -> Iterator[BinaryIO]:
         part.replace(path)
     finally:
         part.unlink(missing_ok=True)
+
+
+def write_json(path: Path, value: Any) -> None:
+    """Writes compact JSON as a whole or not at all."""
+    with replacing(path) as file:
+        file.write(json.dumps(value, separators=(",", ":")).encode())

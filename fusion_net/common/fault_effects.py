@@ -217,7 +217,7 @@ class BlockedLens(Effect):
         return noise > np.quantile(noise, 1 - self.share) if self.share < 1 else np.ones((height, width), bool)
 
 
-def smear(image: NDArray[np.uint8], covered: Mask | None) -> NDArray[np.uint8]:
+def apply_mask(image: NDArray[np.uint8], covered: Mask | None) -> NDArray[np.uint8]:
     """The image (H, W, 3) with what is covered (H, W) as dark as mud is."""
     return image if covered is None else np.where(covered[..., None], np.uint8(MUD), image)
 

@@ -11,7 +11,7 @@ from beartype import beartype
 from numpy.typing import NDArray
 
 from fusion_net.common.boxes import Boxes, transform_boxes
-from fusion_net.common.fault_effects import smear
+from fusion_net.common.fault_effects import apply_mask
 from fusion_net.common.faults import Fault, FaultPlan
 from fusion_net.common.geometry import invert
 from fusion_net.common.nuscenes_format import CLASSES, MODALITIES
@@ -142,7 +142,9 @@ class SampleReader:
             )
         covered = alive[0].faults.covered(*size) if alive else None
         return (
-            view if covered is None else replace(view, image=smear(view.image, fit.image(covered.view(np.uint8)) > 0))
+            view
+            if covered is None
+            else replace(view, image=apply_mask(view.image, fit.image(covered.view(np.uint8)) > 0))
         )
 
     def _label_of_pixel(self) -> NDArray[np.int64]:

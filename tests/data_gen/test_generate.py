@@ -230,7 +230,7 @@ def test_a_full_disk_is_named_with_what_to_do(rig, tmp_path, monkeypatch):
     def full(*_, **__):
         raise OSError(errno.ENOSPC, "No space left on device", "x.jpg")
 
-    monkeypatch.setattr("data_gen.generate.write_scene", full)
+    monkeypatch.setattr("data_gen.generate.record_scene", full)
     root = tmp_path / "full"
     with pytest.raises(OSError, match=r"the disk of .*full is full .*No space left on device: 'x.jpg'.*make room"):
         generate(job(root, rig, num_scenes=1), settings=settings(), workers=1)

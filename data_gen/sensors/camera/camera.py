@@ -3,8 +3,9 @@
 The body image and the depth come from the centre rays alone; at edges the picture averages five rays in linear light.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import Any
 
 import cv2
 import numpy as np
@@ -19,8 +20,11 @@ from data_gen.sensors.camera.imaging import Exposure, auto_exposure, develop
 from data_gen.sensors.camera.motion_blur import motion_blur
 from data_gen.sensors.camera.rain import add_streaks
 from data_gen.sensors.camera.rendering.reflections import mirror_image
-from data_gen.sensors.camera.rendering.renderer import Renderer, View
+from data_gen.sensors.camera.rendering.renderer import PinholeView, Renderer
 from data_gen.sensors.camera.spray import add_spray
+from data_gen.sensors.common.data import SensorData
+from data_gen.sensors.common.event import CaptureEvent
+from fusion_net.common.fault_effects import apply_mask
 
 _SUBPIXEL = np.array([[1, 3], [3, -1], [-1, -3], [-3, 1]]) / 8
 """Offsets from a pixel's centre (right, down) of the extra rays of an edge pixel: a rotated grid."""
@@ -29,7 +33,7 @@ _EDGE_SHARE = 0.07
 
 
 @dataclass(frozen=True)
-class CameraFrame:
+class CameraFrame(SensorData):
     """What a camera delivers. ``image`` is 8-bit sRGB; ``body`` (actor index, -1 world, -2 nothing) and ``depth`` (metres
     along z, inf where nothing) belong to the pixel's centre; ``aimed`` and ``reached`` as in ``scene.Hits``."""
 
@@ -39,22 +43,20 @@ class CameraFrame:
     aimed: NDArray[np.int64]  # (A,)
     reached: NDArray[np.int64]  # (A,)
 
+    @property
+    def ray_counts(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """``aimed`` and ``reached``."""
+        return self.aimed, self.reached
 
-def render_camera(
-    scene: Scene,
-    camera: Camera,
-    *,
-    ego_T_sensor: NDArray | None = None,
-    t: float,
-    rng: np.random.Generator,
-    lens_seed: int = 0,
-) -> CameraFrame:
-    """Expose one frame at time ``t`` (s). ``ego_T_sensor`` (4, 4) replaces the nominal mount, for a camera that was knocked.
+    def with_faults(self, event: CaptureEvent[Any], stamp: int) -> "CameraFrame":
+        """The image behind what covers the lens; body and depth, which are labels, stay."""
+        return replace(self, image=apply_mask(self.image, event.faults.covered(*self.image.shape[:2])))
 
-    ``rng`` feeds what is new in every frame, falling rain and the sensor's noise; ``lens_seed`` stands for the camera's lens
-    during the scene, with its drops and its dirt. The same of both give the same bytes.
-    """
-    renderer = Renderer(scene, _view(scene, camera, ego_T_sensor, t), t)
+
+def sense(scene: Scene, event: CaptureEvent[Camera]) -> CameraFrame:
+    """Exposes one frame. The event's ``rng`` feeds falling rain and the sensor's noise."""
+    camera, t = event.mount, event.true_time
+    renderer = Renderer(scene, PinholeView(camera.cam_K, scene.ego.pose(t) @ event.ego_T_sensor), t)
     light, rays, hits = _trace(renderer, camera)
     shape = camera.height, camera.width
     condition, view = scene.condition, renderer.view
@@ -64,24 +66,19 @@ def render_camera(
     )
     exposure = auto_exposure(light if veil is None else light + veil)
     light = motion_blur(light, renderer, camera.cam_K, rays, hits, exposure.shutter)
-    _weather_on_lens(light, renderer, camera, sun, exposure, rng, lens_seed)
+    _weather_on_lens(light, renderer, sun, exposure, event)
     if veil is not None:
         light = light + veil
         glare.add_ghosts(light, view, renderer.light, sun)
     depth = hits.distance.reshape(shape) * _cosine(camera)
-    return CameraFrame(develop(light, rng, exposure), hits.body.reshape(shape), depth, hits.aimed, hits.reached)
+    return CameraFrame(develop(light, event.rng, exposure), hits.body.reshape(shape), depth, hits.aimed, hits.reached)
 
 
-def render_luminance(
-    scene: Scene, camera: Camera, *, ego_T_sensor: NDArray | None = None, t: float
-) -> tuple[NDArray[np.float32], Hits]:
+def render_luminance(scene: Scene, camera: Camera, *, t: float) -> tuple[NDArray[np.float32], Hits]:
     """The light (H, W, 3) in cd/m^2 that comes to the lens, and the hits of the pixels' centres, row by row."""
-    light, _, hits = _trace(Renderer(scene, _view(scene, camera, ego_T_sensor, t), t), camera)
+    view = PinholeView(camera.cam_K, scene.ego.pose(t) @ camera.ego_T_sensor)
+    light, _, hits = _trace(Renderer(scene, view, t), camera)
     return light, hits
-
-
-def _view(scene: Scene, camera: Camera, ego_T_sensor: NDArray | None, t: float) -> View:
-    return View(camera.cam_K, scene.ego.pose(t) @ (camera.ego_T_sensor if ego_T_sensor is None else ego_T_sensor))
 
 
 def _trace(renderer: Renderer, camera: Camera) -> tuple[NDArray[np.float32], NDArray[np.float32], Hits]:
@@ -117,24 +114,23 @@ def _centers(height: int, width: int) -> NDArray[np.float64]:
 def _weather_on_lens(
     light: NDArray[np.float32],
     renderer: Renderer,
-    camera: Camera,
     sun: NDArray[np.float64],
     exposure: Exposure,
-    rng: np.random.Generator,
-    lens_seed: int,
+    event: CaptureEvent[Camera],
 ) -> None:
     """Rain before the lens, drops and dirt on it, drawn over the image (H, W, 3) in place."""
     scene, axes, shape = renderer.scene, renderer.view.axes, light.shape[:2]
     condition, velocity = scene.condition, scene.ego.at(renderer.t)[2]
     if condition.rain_rate > 0:
         add_streaks(
-            light, camera.cam_K, axes.T @ velocity, -axes[2], rain_rate=condition.rain_rate, shutter=exposure.shutter, rng=rng
+            light, event.mount.cam_K, axes.T @ velocity, -axes[2], rain_rate=condition.rain_rate, shutter=exposure.shutter,
+            rng=event.rng,
         )  # fmt: skip
     if condition.rain_rate > 0 or condition.spray:
         rate = lens.drop_rate(condition, float(np.linalg.norm(velocity)))
-        lens.add_drops(light, lens.drops_at(rate, renderer.t, lens_seed, shape=shape))
+        lens.add_drops(light, lens.drops_at(rate, renderer.t, event.lens_seed, shape=shape))
     if condition.dirt > 0:
-        lens.add_dirt(light, lens.dirt_cover(condition.dirt, lens_seed, shape=shape), sun)
+        lens.add_dirt(light, lens.dirt_cover(condition.dirt, event.lens_seed, shape=shape), sun)
 
 
 def _cosine(camera: Camera) -> NDArray[np.float32]:

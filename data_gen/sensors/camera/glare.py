@@ -15,7 +15,7 @@ from data_gen.scene.luminaires import Luminaires
 from data_gen.scene.scene import Scene
 from data_gen.sensors.camera.lens import stamp
 from data_gen.sensors.camera.rendering.lamps import sent
-from data_gen.sensors.camera.rendering.renderer import View
+from data_gen.sensors.camera.rendering.renderer import PinholeView
 
 CLEAN = 0.2
 """Share of the eye's veil in a clean lens; a dirty or wet one comes up to 1."""
@@ -35,7 +35,7 @@ def straylight(condition: Condition) -> float:
     return min(CLEAN + wet + 8.0 * condition.dirt, 1.0)
 
 
-def sun_on_lens(scene: Scene, view: View, light: Light, t: float) -> NDArray[np.float64]:
+def sun_on_lens(scene: Scene, view: PinholeView, light: Light, t: float) -> NDArray[np.float64]:
     """Sunlight (3,) in lux on the lens: none if it comes from behind, is hidden or has set. Five rays over the disc."""
     facing = float(light.sun_direction @ view.forward)
     if facing <= 0.05 or not light.sun.any():
@@ -49,7 +49,7 @@ def sun_on_lens(scene: Scene, view: View, light: Light, t: float) -> NDArray[np.
 
 
 def veil(
-    view: View,
+    view: PinholeView,
     light: Light,
     sun: NDArray[np.float64],
     points: Luminaires,
@@ -108,7 +108,7 @@ def _lamp_veil(rays, ends, eye, points, strength, air, extinction, out):
                 out[i, c] += flux[j, c] * value
 
 
-def add_ghosts(linear: NDArray[np.float32], view: View, light: Light, sun: NDArray[np.float64]) -> None:
+def add_ghosts(linear: NDArray[np.float32], view: PinholeView, light: Light, sun: NDArray[np.float64]) -> None:
     """Draw the flare of a sun in or near the image (H, W, 3), in place."""
     height, width = linear.shape[:2]
     depth = float(light.sun_direction @ view.forward)

@@ -2,12 +2,15 @@
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from data_gen.rig.mounts import Lidar
 from data_gen.scene.scene import WORLD, Hits, Scene
+from data_gen.sensors.common.data import PointData
+from data_gen.sensors.common.event import CaptureEvent
 from data_gen.sensors.lidar.power import (
     Returns,
     detection_probability,
@@ -18,6 +21,7 @@ from data_gen.sensors.lidar.power import (
 )
 from data_gen.sensors.lidar.weather import Rays, with_weather
 from data_gen.world.ground import GROUND_NAMES, ground_table
+from fusion_net.common.fault_effects import Rings
 from fusion_net.common.geometry import invert, rotate_yaw, transform
 
 RANGE_STEP = 0.002
@@ -31,9 +35,10 @@ SOAKING = np.isin(GROUND_NAMES, ("grass", "dry_grass", "gravel"))
 
 
 @dataclass(frozen=True)
-class LidarSweep:
+class LidarSweep(PointData):
     """One turn, in the LIDAR_TOP frame (x right, y forward, z up) at the turn's end, ego-motion compensated."""
 
+    per_actor: ClassVar[tuple[str, ...]] = ("aimed", "reached")
     points: NDArray[np.float32]  # (P, 3) metres
     intensity: NDArray[np.float32]  # (P,) calibrated reflectivity, whole numbers 0 .. 255
     ring: NDArray[np.uint8]  # (P,)
@@ -42,23 +47,27 @@ class LidarSweep:
     aimed: NDArray[np.int64]  # (A,) rays that would meet each actor alone
     reached: NDArray[np.int64]  # (A,) and those that did, before drop-out
 
+    @property
+    def points_in_sensor_frame(self) -> NDArray[np.float32]:
+        """``points``."""
+        return self.points
 
-def scan_lidar(
-    scene: Scene,
-    lidar: Lidar,
-    *,
-    t_end: float,
-    rng: np.random.Generator,
-    ego_T_sensor: NDArray[np.float64] | None = None,
-) -> LidarSweep:
-    """The sweep that ends at ``t_end`` seconds.
+    @property
+    def ray_counts(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """``aimed`` and ``reached``."""
+        return self.aimed, self.reached
 
-    ``ego_T_sensor`` (4, 4) is the true mount, by default the nominal one; the compensation of the ego's
-    motion uses the nominal mount of ``lidar``, the only one that the car knows.
-    """
+    def rings(self, mount: Lidar) -> Rings:
+        """``ring``, of as many beams as the LiDAR has."""
+        return Rings(self.ring, mount.model.beams)
+
+
+def sense(scene: Scene, event: CaptureEvent[Lidar]) -> LidarSweep:
+    """The sweep that ends at the event's time. The compensation of the ego's motion uses the nominal mount, the only one that
+    the car knows."""
+    lidar, t_end, rng = event.mount, event.true_time, event.rng
     in_sensor, beam, dt = firing_pattern(lidar)
-    nominal = lidar.ego_T_sensor
-    true = nominal if ego_T_sensor is None else ego_T_sensor
+    nominal, true = lidar.ego_T_sensor, event.ego_T_sensor
     position, yaw, _ = scene.ego.at(t_end + dt)
     origins = position + rotate_yaw(np.broadcast_to(true[:3, 3], (len(dt), 3)), yaw)
     directions = rotate_yaw(in_sensor @ true[:3, :3].T, yaw)

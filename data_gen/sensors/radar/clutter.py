@@ -5,8 +5,8 @@ import numpy as np
 from data_gen.rig.mounts import Radar
 from data_gen.scene.scene import NOTHING, Scene
 from data_gen.scene.spray import EXTINCTION, plumes_at
+from data_gen.sensors.common.event import CaptureEvent
 from data_gen.sensors.radar.detection import CLUTTER, RAIN, SPRAY, THRESHOLD, Array, Echoes, link_budget_db
-from data_gen.sensors.radar.echoes import Look
 
 FALSE, AT_REST, FALSE_SPEED = 5.0, 0.7, 30.0
 """Mean number of false detections a scan, the share of them at rest on the ground, the greatest speed of the others."""
@@ -41,11 +41,11 @@ def false_detections(radar: Radar, own_velocity: Array, rng: np.random.Generator
     )
 
 
-def spray_echoes(scene: Scene, look: Look, own_velocity: Array) -> Echoes:
+def spray_echoes(scene: Scene, event: CaptureEvent[Radar], own_velocity: Array) -> Echoes:
     """Weak reflections of the water behind vehicles, none to two a plume, slower than the vehicle; hidden as all else is.
     ``own_velocity`` (3,) of the sensor in its own axes."""
-    plumes = plumes_at(scene, look.t)
-    rng = look.rng
+    plumes = plumes_at(scene, event.true_time)
+    rng = event.rng
     which = np.repeat(np.arange(len(plumes.length)), rng.integers(0, SPRAY_CLUSTERS + 1, len(plumes.length)))
     count = len(which)
     back, side, up = rng.uniform((0.2, -0.8, 0.2), (0.8, 0.8, 0.8), (count, 3)).T
@@ -56,17 +56,19 @@ def spray_echoes(scene: Scene, look: Look, own_velocity: Array) -> Echoes:
     place[:, :2] += (back * plumes.length[which])[:, None] * plumes.axis[which]
     place[:, :2] += (side * plumes.half_width[which, 0])[:, None] * left
     place[:, 2] += up * plumes.height[which, 0]
-    global_T_sensor = scene.ego.pose(look.t) @ look.mount
+    global_T_sensor = scene.ego.pose(event.true_time) @ event.ego_T_sensor
     ray = place - global_T_sensor[:3, 3]
     distance = np.linalg.norm(ray, axis=1)
     ray /= distance[:, None]
     seen = ray @ global_T_sensor[:3, :3]
     azimuth = np.arcsin(seen[:, 1])
     moving = share * np.einsum("kc,kc->k", ray[:, :2], plumes.speed[which])
-    snr = 10 ** ((rcs + link_budget_db(distance, azimuth, look.radar, scene.condition.rain_rate)) / 10)
+    snr = 10 ** ((rcs + link_budget_db(distance, azimuth, event.mount, scene.condition.rain_rate)) / 10)
     echoes = Echoes(
         distance, azimuth, moving - seen @ own_velocity, snr, np.full(count, NOTHING, np.int32),
         np.full(count, SPRAY, np.uint8),
     )  # fmt: skip
-    in_view = (seen[:, 0] > 0) & (np.abs(azimuth) < np.radians(look.radar.fov_deg)) & (distance < look.radar.max_range)
-    return echoes[in_view & ~scene.occluded(global_T_sensor[:3, 3], ray, look.t, distance)]
+    in_view = (
+        (seen[:, 0] > 0) & (np.abs(azimuth) < np.radians(event.mount.fov_deg)) & (distance < event.mount.max_range)
+    )
+    return echoes[in_view & ~scene.occluded(global_T_sensor[:3, 3], ray, event.true_time, distance)]

@@ -1,7 +1,6 @@
 """Which reflectors a radar reaches, how strong they are in the mean and how fast their range changes."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -10,6 +9,7 @@ from numpy.typing import NDArray
 from data_gen.jobs.jit import jit
 from data_gen.rig.mounts import Radar
 from data_gen.scene.scene import WORLD, Scene
+from data_gen.sensors.common.event import CaptureEvent
 from data_gen.sensors.radar.detection import DIRECT, UNDERBODY, Array, Echoes, link_budget_db
 
 GRAZING = 0.2
@@ -29,38 +29,19 @@ STEP = 1e-3
 """Seconds to either side when a range or position is differentiated."""
 
 
-@dataclass(frozen=True)
-class Look:
-    """One firing of a radar at ``t`` seconds.
-
-    ``ego_T_sensor`` (4, 4) is where the sensor truly sits, by default where ``radar`` says; the compensation of the ego's
-    motion uses what ``radar`` says, as a car would that does not know better.
-    """
-
-    radar: Radar
-    t: float
-    rng: np.random.Generator
-    ego_T_sensor: Array | None = None
-
-    @property
-    def mount(self) -> Array:
-        """Where the sensor truly sits."""
-        return self.radar.ego_T_sensor if self.ego_T_sensor is None else self.ego_T_sensor
-
-
-def visible_echoes(scene: Scene, looks: Sequence[Look]) -> list[Echoes]:
-    """For each look, the reflectors that face the sensor, lie in its field of view and are not hidden."""
+def visible_echoes(scene: Scene, events: Sequence[CaptureEvent[Radar]]) -> list[Echoes]:
+    """For each event, the reflectors that face the sensor, lie in its field of view and are not hidden."""
     origins, views = [], []
-    for look in looks:
-        global_T_sensor = scene.ego.pose(look.t) @ look.mount
+    for event in events:
+        global_T_sensor = scene.ego.pose(event.true_time) @ event.ego_T_sensor
         origins.append(global_T_sensor[:3, 3])
-        views.append(_in_view(scene, look, global_T_sensor))
+        views.append(_in_view(scene, event, global_T_sensor))
     which, directions, distance, azimuth, snr = (np.concatenate(part) for part in zip(*views, strict=True))
-    owner = np.repeat(np.arange(len(looks)), [len(view[0]) for view in views])
-    times = np.array([look.t for look in looks])[owner]
-    hits = scene.cast(np.array(origins)[owner], directions, times, max(look.radar.max_range for look in looks))
+    owner = np.repeat(np.arange(len(events)), [len(view[0]) for view in views])
+    times = np.array([event.true_time for event in events])[owner]
+    hits = scene.cast(np.array(origins)[owner], directions, times, max(event.mount.max_range for event in events))
     bodies, reflectors = scene.reflectors
-    lucky = np.concatenate([look.rng.random(len(view[0])) for look, view in zip(looks, views, strict=True)])
+    lucky = np.concatenate([event.rng.random(len(view[0])) for event, view in zip(events, views, strict=True)])
     hidden = hits.distance < distance - SKIN
     low = (bodies[which] > WORLD) & (reflectors.position[which, 2] < UNDERBODY_HEIGHT)
     passable = _on_wheels(scene)[hits.body] & (hits.body != bodies[which])
@@ -68,13 +49,13 @@ def visible_echoes(scene: Scene, looks: Sequence[Look]) -> list[Echoes]:
     snr[under] *= UNDERBODY_GAIN
     kept = np.flatnonzero(~hidden | under)
     body, local, owner = bodies[which[kept]], reflectors.position[which[kept]], owner[kept]
-    doppler, spread = _doppler(scene, looks, owner, body, local)
+    doppler, spread = _doppler(scene, events, owner, body, local)
     cause = np.where(under[kept], UNDERBODY, DIRECT).astype(np.uint8)
     echoes = Echoes(distance[kept], azimuth[kept], doppler, snr[kept], body.astype(np.int32), cause)
-    ends = np.searchsorted(owner, np.arange(len(looks) + 1))
+    ends = np.searchsorted(owner, np.arange(len(events) + 1))
     found = [echoes[start:end] for start, end in pairwise(ends)]
-    for look, echo, part in zip(looks, found, np.split(spread, ends[1:-1]), strict=True):
-        echo.doppler[:] += look.rng.normal(size=len(part)) * part
+    for event, echo, part in zip(events, found, np.split(spread, ends[1:-1]), strict=True):
+        echo.doppler[:] += event.rng.normal(size=len(part)) * part
     return found
 
 
@@ -84,15 +65,15 @@ def _on_wheels(scene: Scene) -> NDArray[np.bool_]:
     return np.array([*(kind.startswith("vehicle") for kind in kinds), False, False])
 
 
-def _in_view(scene: Scene, look: Look, global_T_sensor: Array) -> tuple[Array, ...]:
-    """Index (K,), ray (K, 3), distance, azimuth and mean SNR of the reflectors that one look would see in the open."""
+def _in_view(scene: Scene, event: CaptureEvent[Radar], global_T_sensor: Array) -> tuple[Array, ...]:
+    """Index (K,), ray (K, 3), distance, azimuth and mean SNR of the reflectors that one event would see in the open."""
     bodies, reflectors = scene.reflectors
-    position, yaw = scene.poses(look.t)
+    position, yaw = scene.poses(event.true_time)
     which, rays, distance, azimuth, turned = _facing(
         bodies, reflectors.position, reflectors.normal, position, np.cos(yaw), np.sin(yaw), global_T_sensor,
-        look.radar.max_range, np.radians(look.radar.fov_deg),
+        event.mount.max_range, np.radians(event.mount.fov_deg),
     )  # fmt: skip
-    budget = link_budget_db(distance, azimuth, look.radar, scene.condition.rain_rate)
+    budget = link_budget_db(distance, azimuth, event.mount, scene.condition.rain_rate)
     snr = 10 ** ((reflectors.rcs[which] + budget + aspect_db(turned)) / 10)
     bright = snr > FAINT
     return which[bright], rays[bright], distance[bright], azimuth[bright], snr[bright]
@@ -144,24 +125,24 @@ def _facing(bodies, points, normals, position, cos, sin, global_T_sensor, max_ra
 
 
 def _doppler(
-    scene: Scene, looks: Sequence[Look], owner: NDArray[np.int64], body: NDArray[np.int64], local: Array
+    scene: Scene, events: Sequence[CaptureEvent[Radar]], owner: NDArray[np.int64], body: NDArray[np.int64], local: Array
 ) -> tuple[Array, Array]:
     """d(range)/dt of each echo, taken literally, so that turning bodies and lever arms are in it; and the standard
-    deviation that the micro-motion of wheels and legs adds. ``owner`` is the look's index."""
+    deviation that the micro-motion of wheels and legs adds. ``owner`` is the event's index."""
     reach, place = [], []
-    times = np.array([look.t for look in looks])
+    times = np.array([event.true_time for event in events])
     for step in (-STEP, STEP):
         place.append(scene.place(body, local, times[owner] + step))
-        reach.append(np.linalg.norm(place[-1] - sensor_places(scene, looks, step)[owner], axis=1))
+        reach.append(np.linalg.norm(place[-1] - sensor_places(scene, events, step)[owner], axis=1))
     speed = np.linalg.norm(place[1] - place[0], axis=1) / (2 * STEP)
     spread = np.where(local[:, 2] < LOW, np.minimum(MICRO_SHARE * speed, MICRO_MAX), 0.0)
     return (reach[1] - reach[0]) / (2 * STEP), spread
 
 
-def sensor_places(scene: Scene, looks: Sequence[Look], step: float = 0.0) -> Array:
-    """Global positions (L, 3) of the sensors ``step`` seconds after each look's time."""
-    position, yaw, _ = scene.ego.at(np.array([look.t + step for look in looks]))
-    x, y, z = np.array([look.mount[:3, 3] for look in looks]).T
+def sensor_places(scene: Scene, events: Sequence[CaptureEvent[Radar]], step: float = 0.0) -> Array:
+    """Global positions (L, 3) of the sensors ``step`` seconds after each event's time."""
+    position, yaw, _ = scene.ego.at(np.array([event.true_time + step for event in events]))
+    x, y, z = np.array([event.ego_T_sensor[:3, 3] for event in events]).T
     cos, sin = np.cos(yaw), np.sin(yaw)
     return position + np.stack([cos * x - sin * y, sin * x + cos * y, z], axis=1)
 

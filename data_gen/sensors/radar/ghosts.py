@@ -11,9 +11,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from data_gen.rig.mounts import Radar
 from data_gen.scene.scene import NOTHING, Scene
+from data_gen.sensors.common.event import CaptureEvent
 from data_gen.sensors.radar.detection import DOUBLE_BOUNCE, SINGLE_BOUNCE, Array, Echoes, link_budget_db
-from data_gen.sensors.radar.echoes import FAINT, GRAZING, SKIN, STEP, Look, aspect_db, sensor_places
+from data_gen.sensors.radar.echoes import FAINT, GRAZING, SKIN, STEP, aspect_db, sensor_places
 from data_gen.sensors.radar.mirrors import Pairs, Strips, mirrored_pairs, strips
 
 FLAT = 0.25
@@ -36,19 +38,19 @@ class _Paths:
         return np.linalg.norm(self.target - self.sensor, axis=1), np.linalg.norm(self.image - self.sensor, axis=1)
 
 
-def ghost_echoes(scene: Scene, looks: Sequence[Look]) -> list[Echoes]:
-    """For each look, the mirrored echoes of actors: paths that bounce once, arriving from either side, and twice."""
+def ghost_echoes(scene: Scene, events: Sequence[CaptureEvent[Radar]]) -> list[Echoes]:
+    """For each event, the mirrored echoes of actors: paths that bounce once, arriving from either side, and twice."""
     mirror = strips(scene)
-    pairs = mirrored_pairs(scene, looks, mirror)
-    paths = _paths(scene, looks, mirror, pairs)
-    angles, snr = _strength(scene, looks, pairs, paths)
+    pairs = mirrored_pairs(scene, events, mirror)
+    paths = _paths(scene, events, mirror, pairs)
+    angles, snr = _strength(scene, events, pairs, paths)
     bright = np.flatnonzero(snr.max(axis=1) > FAINT)
     pairs, snr, angles = pairs[bright], snr[bright], angles[bright]
     paths = _Paths(*(column[bright] for column in vars(paths).values()))
-    snr *= _unblocked(scene, looks, mirror, pairs, paths)
+    snr *= _unblocked(scene, events, mirror, pairs, paths)
     lit = np.flatnonzero(snr.max(axis=1) > FAINT)
     pairs, snr, angles = pairs[lit], snr[lit], angles[lit]
-    lengths = [_paths(scene, looks, mirror, pairs, step).lengths() for step in (-STEP, 0.0, STEP)]
+    lengths = [_paths(scene, events, mirror, pairs, step).lengths() for step in (-STEP, 0.0, STEP)]
     (direct, mirrored), closing = lengths[1], np.subtract(lengths[2], lengths[0]) / (2 * STEP)
     body = np.full(len(lit), NOTHING, np.int32)
     once, twice = (np.full(len(lit), code, np.uint8) for code in (SINGLE_BOUNCE, DOUBLE_BOUNCE))
@@ -60,18 +62,20 @@ def ghost_echoes(scene: Scene, looks: Sequence[Look]) -> list[Echoes]:
             Echoes(mirrored, angles[:, 1], closing[1], snr[:, 1], body, twice),
         ]
     )
-    owner = np.where(echoes.snr > FAINT, np.tile(pairs.owner, 3), len(looks))
+    owner = np.where(echoes.snr > FAINT, np.tile(pairs.owner, 3), len(events))
     order = np.argsort(owner, kind="stable")
-    ends = np.searchsorted(owner[order], np.arange(len(looks) + 1))
+    ends = np.searchsorted(owner[order], np.arange(len(events) + 1))
     return [echoes[order[start:end]] for start, end in pairwise(ends)]
 
 
-def _paths(scene: Scene, looks: Sequence[Look], mirror: Strips, pairs: Pairs, step: float = 0.0) -> _Paths:
-    """Where everything is ``step`` seconds after the looks' times. The image: p' = p - 2 ((p - p0) . n) n."""
+def _paths(
+    scene: Scene, events: Sequence[CaptureEvent[Radar]], mirror: Strips, pairs: Pairs, step: float = 0.0
+) -> _Paths:
+    """Where everything is ``step`` seconds after the events' times. The image: p' = p - 2 ((p - p0) . n) n."""
     bodies, points = scene.reflectors
     body, local = bodies[pairs.which], points.position[pairs.which]
-    times = np.array([look.t for look in looks])[pairs.owner] + step
-    sensor = sensor_places(scene, looks, step)[pairs.owner]
+    times = np.array([event.true_time for event in events])[pairs.owner] + step
+    sensor = sensor_places(scene, events, step)[pairs.owner]
     target = scene.place(body, local, times)
     facing = scene.place(body, local + points.normal[pairs.which], times) - target
     owner, middle = mirror.body[pairs.strip], mirror.position[pairs.strip]
@@ -83,7 +87,7 @@ def _paths(scene: Scene, looks: Sequence[Look], mirror: Strips, pairs: Pairs, st
     return _Paths(sensor, target, facing, image, bounce, normal)
 
 
-def _strength(scene: Scene, looks: Sequence[Look], pairs: Pairs, paths: _Paths) -> tuple[Array, Array]:
+def _strength(scene: Scene, events: Sequence[CaptureEvent[Radar]], pairs: Pairs, paths: _Paths) -> tuple[Array, Array]:
     """Azimuth (K, 2) of target and image, and mean SNR (K, 2) of the path that bounces once and of that which does twice.
 
     A path out and back takes half of its budget in dB from either way. What is out of view or seen from behind has 0.
@@ -94,10 +98,10 @@ def _strength(scene: Scene, looks: Sequence[Look], pairs: Pairs, paths: _Paths) 
     has_side = np.any(paths.facing, axis=1, keepdims=True)
     turned = np.where(has_side, np.einsum("kwc,kc->kw", rays, paths.facing), -1.0)
     angles, level = np.empty_like(distance), np.empty_like(distance)
-    borders = np.searchsorted(pairs.owner, np.arange(len(looks) + 1))
-    for look, (start, end) in zip(looks, pairwise(borders), strict=True):
-        part, radar = slice(start, end), look.radar
-        seen = ends[part] @ (scene.ego.pose(look.t) @ look.mount)[:3, :3] / distance[part, :, None]
+    borders = np.searchsorted(pairs.owner, np.arange(len(events) + 1))
+    for event, (start, end) in zip(events, pairwise(borders), strict=True):
+        part, radar = slice(start, end), event.mount
+        seen = ends[part] @ (scene.ego.pose(event.true_time) @ event.ego_T_sensor)[:3, :3] / distance[part, :, None]
         angles[part] = np.arcsin(np.clip(seen[..., 1], -1, 1))
         in_view = (seen[..., 0] > 0) & (np.abs(angles[part]) <= np.radians(radar.fov_deg))
         in_view &= (turned[part] < GRAZING) & (distance[part] < radar.max_range)
@@ -107,14 +111,16 @@ def _strength(scene: Scene, looks: Sequence[Look], pairs: Pairs, paths: _Paths) 
     return angles, 10 ** ((np.stack([level.mean(axis=1), level[:, 1]], axis=1) - pairs.loss) / 10)
 
 
-def _unblocked(scene: Scene, looks: Sequence[Look], mirror: Strips, pairs: Pairs, paths: _Paths) -> NDArray[np.bool_]:
+def _unblocked(
+    scene: Scene, events: Sequence[CaptureEvent[Radar]], mirror: Strips, pairs: Pairs, paths: _Paths
+) -> NDArray[np.bool_]:
     """Whether the way out and back is free (K, 2) for the path that bounces once and for that which does twice: the mirror is
     really there and in sight of the sensor, and so is the target of the mirror; once, the target of the sensor as well."""
     count = len(pairs.owner)
     starts = np.concatenate([paths.sensor, paths.bounce + 0.02 * paths.normal, paths.sensor])
     ways = np.concatenate([paths.bounce, paths.target, paths.target]) - starts
     far = np.linalg.norm(ways, axis=1)
-    times = np.tile(np.array([look.t for look in looks])[pairs.owner], 3)
+    times = np.tile(np.array([event.true_time for event in events])[pairs.owner], 3)
     hits = scene.cast(starts, ways / far[:, None], times, float(far.max(initial=0.0)) + 1.0)
     steep = -np.einsum("kc,kc->k", ways[:count], paths.normal) / far[:count]
     bounces = np.abs(hits.distance[:count] - far[:count]) * steep < FLAT

@@ -7,9 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_gen.jobs.jit import jit
+from data_gen.rig.mounts import Radar
 from data_gen.scene.scene import WORLD, Scene
+from data_gen.sensors.common.event import CaptureEvent
 from data_gen.sensors.radar.detection import Array
-from data_gen.sensors.radar.echoes import GRAZING, Look, sensor_places
+from data_gen.sensors.radar.echoes import GRAZING, sensor_places
 
 SHARE = 0.3
 """Probability that an actor's mirror paths show in a scan: a surface is smooth and upright in places only."""
@@ -51,7 +53,7 @@ def strips(scene: Scene) -> Strips:
 
 @dataclass(frozen=True)
 class Pairs:
-    """K pairs of a reflector and a strip that mirrors it: look, reflector and strip, and the loss in dB once and twice."""
+    """K pairs of a reflector and a strip that mirrors it: event, reflector and strip, and the loss in dB once and twice."""
 
     owner: Indices  # (K,), in order
     which: Indices
@@ -62,20 +64,20 @@ class Pairs:
         return Pairs(*(column[index] for column in vars(self).values()))
 
 
-def mirrored_pairs(scene: Scene, looks: Sequence[Look], mirror: Strips) -> Pairs:
-    """The reflectors that each look could see in a strip, had neither anything in its way."""
+def mirrored_pairs(scene: Scene, events: Sequence[CaptureEvent[Radar]], mirror: Strips) -> Pairs:
+    """The reflectors that each event could see in a strip, had neither anything in its way."""
     bodies, points = scene.reflectors
     starts = np.searchsorted(bodies, np.arange(len(scene.actors) + 1))
     radius = np.array([np.linalg.norm(actor.asset.size) / 2 for actor in scene.actors])
     rows = []
-    for k, (look, sensor) in enumerate(zip(looks, sensor_places(scene, looks), strict=True)):
-        shown = look.rng.random(len(radius)) < SHARE
-        loss = np.stack([look.rng.uniform(*bounds, len(radius)) for bounds in LOSS_DB], axis=1)
-        position, yaw = scene.poses(look.t)
+    for k, (event, sensor) in enumerate(zip(events, sensor_places(scene, events), strict=True)):
+        shown = event.rng.random(len(radius)) < SHARE
+        loss = np.stack([event.rng.uniform(*bounds, len(radius)) for bounds in LOSS_DB], axis=1)
+        position, yaw = scene.poses(event.true_time)
         which, strip = _mirrored(
             points.position, points.normal, starts, radius, shown, position, np.cos(yaw), np.sin(yaw),
-            *vars(mirror).values(), sensor, (scene.ego.pose(look.t) @ look.mount)[:2, 0],
-            np.cos(np.radians(look.radar.fov_deg)) - 0.02, look.radar.max_range,
+            *vars(mirror).values(), sensor, (scene.ego.pose(event.true_time) @ event.ego_T_sensor)[:2, 0],
+            np.cos(np.radians(event.mount.fov_deg)) - 0.02, event.mount.max_range,
         )  # fmt: skip
         rows.append((np.full(len(which), k), which, strip, loss[bodies[which]]))
     return Pairs(*(np.concatenate(column) for column in zip(*rows, strict=True)))

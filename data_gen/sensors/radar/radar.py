@@ -12,23 +12,25 @@ from numpy.typing import NDArray
 
 from data_gen.rig.mounts import Radar
 from data_gen.scene.scene import Scene
+from data_gen.sensors.common.data import PointData
+from data_gen.sensors.common.event import CaptureEvent
 from data_gen.sensors.radar.clutter import false_detections, spray_echoes
 from data_gen.sensors.radar.detection import Array, Echoes, detect, link_budget_db
-from data_gen.sensors.radar.echoes import Look, sensor_velocity, visible_echoes
+from data_gen.sensors.radar.echoes import sensor_velocity, visible_echoes
 from data_gen.sensors.radar.flags import RAMP, ambig_state, invalid_state, pdh0, seen_in_both_ramps
 from data_gen.sensors.radar.ghosts import ghost_echoes
 from fusion_net.common.geometry import wrap_angle
 
 MOVING, STATIONARY, ONCOMING = 0, 1, 2
 """The codes of nuScenes' dyn_prop that a single scan can tell; "stopped" and "crossing" need a history."""
-STILL = 0.5
+STATIONARY_SPEED = 0.5
 """Compensated radial speed in m/s up to which a detection is called stationary."""
 RCS_STEP, RCS_LIMITS = 0.5, (-64.0, 63.5)
 """dBsm: what the eight bits of an ARS408's message hold."""
 
 
 @dataclass(frozen=True)
-class RadarScan:
+class RadarScan(PointData):
     """P detections in the sensor's frame (x along the boresight, y left)."""
 
     x: NDArray[np.float32]  # metres
@@ -49,26 +51,31 @@ class RadarScan:
     pdh0: NDArray[np.uint8]  # how likely it thinks the detection is nothing
     cause: NDArray[np.uint8]  # a code of ``radar_detection``: DIRECT, UNDERBODY, SINGLE_BOUNCE, ..., SPRAY
 
-
-def detect_radar(
-    scene: Scene, radar: Radar, *, t: float, rng: np.random.Generator, ego_T_sensor: Array | None = None
-) -> RadarScan:
-    """The scan of a single :class:`Look`."""
-    return detect_radars(scene, [Look(radar, t, rng, ego_T_sensor)])[0]
+    @property
+    def points_in_sensor_frame(self) -> NDArray[np.float32]:
+        """In the sensor's own plane: it measures no elevation."""
+        return np.stack([self.x, self.y, 0 * self.x], axis=1)
 
 
-def detect_radars(scene: Scene, looks: Sequence[Look]) -> list[RadarScan]:
-    """The scans of several looks, each as if it were alone; together they cost little more than one."""
+def sense(scene: Scene, event: CaptureEvent[Radar]) -> RadarScan:
+    """One scan."""
+    return sense_batch(scene, [event])[0]
+
+
+def sense_batch(scene: Scene, events: Sequence[CaptureEvent[Radar]]) -> list[RadarScan]:
+    """The scans of several events, each as if it were alone; together they cost little more than one."""
+    if not events:
+        return []
     scans = []
-    for look, direct, mirrored in zip(looks, visible_echoes(scene, looks), ghost_echoes(scene, looks), strict=True):
-        own_velocity = sensor_velocity(scene, look.radar.ego_T_sensor, look.t)
+    for event, direct, mirrored in zip(events, visible_echoes(scene, events), ghost_echoes(scene, events), strict=True):
+        own_velocity = sensor_velocity(scene, event.mount.ego_T_sensor, event.true_time)
         echoes = [direct, mirrored]
         if scene.condition.spray:
-            echoes.append(spray_echoes(scene, look, own_velocity))
-        true = detect(Echoes.concatenate(echoes), look.radar, look.rng)
-        false = false_detections(look.radar, own_velocity, look.rng, scene.condition.rain_rate)
-        found = Echoes.concatenate([true, false]).strongest(look.radar.max_detections)
-        scans.append(report(found, look.radar, own_velocity, look.rng))
+            echoes.append(spray_echoes(scene, event, own_velocity))
+        true = detect(Echoes.concatenate(echoes), event.mount, event.rng)
+        false = false_detections(event.mount, own_velocity, event.rng, scene.condition.rain_rate)
+        found = Echoes.concatenate([true, false]).strongest(event.mount.max_detections)
+        scans.append(report(found, event.mount, own_velocity, event.rng))
     return scans
 
 
@@ -100,7 +107,9 @@ def report(found: Echoes, radar: Radar, own_velocity: Array, rng: np.random.Gene
         "doppler": doppler,
         "snr_db": snr_db,
     }
-    motion = np.select([np.abs(ground) <= STILL, ground < 0], [STATIONARY, ONCOMING], MOVING).astype(np.uint8)
+    motion = np.select([np.abs(ground) <= STATIONARY_SPEED, ground < 0], [STATIONARY, ONCOMING], MOVING).astype(
+        np.uint8
+    )
     invalid = invalid_state(rcs, found.cause, rng)
     return RadarScan(
         **{k: v.astype(np.float32) for k, v in columns.items()},

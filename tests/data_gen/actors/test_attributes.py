@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from data_gen.recording.capture import keyframe_times
-from data_gen.recording.writer import token, write_scene
+from data_gen.recording.record import record_scene
+from data_gen.recording.schedule import keyframe_times
+from data_gen.recording.tokens import token
 from data_gen.rig.mounts import Lidar
 from data_gen.rig.rig import Rig
 from data_gen.road.track import Track
@@ -56,7 +57,7 @@ def labels(tmp_path_factory):
     actors = [(replace(car(), category=c), moving(at(10.0, 5.0 * i - 10.0, 0.0), v)) for i, (c, _, v) in enumerate(who)]
     world = scene(actors=actors)
     world.actors[:] = [replace(actor, attribute=a) for actor, (_, a, _) in zip(world.actors, who, strict=True)]
-    rows = write_scene(world, RIG, root=root, dataset="t", index=0, keyframes=KEYFRAMES, seed=1, layout="boxes")
+    rows = record_scene(world, RIG, root=root, dataset="t", index=0, keyframes=KEYFRAMES, seed=1, layout="boxes")
     names = ("vehicle.moving", "vehicle.stopped", "vehicle.parked", "pedestrian.moving", "pedestrian.standing")
     known = {token("attribute", name): name for name in (*names, "cycle.with_rider")}
     found: list[list[tuple[str, float]]] = [[] for _ in who]

@@ -9,7 +9,7 @@ from hydra import compose, initialize_config_dir
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from data_gen.recording.capture import firing_time, firings_due, keyframe_times, last_firing
+from data_gen.recording.schedule import event_time, events_due, keyframe_times, last_event
 from data_gen.rig.mounts import Camera, Lidar, Mount, Radar
 from data_gen.rig.rig import Rig
 from data_gen.rig.rig_checks import MAX_JITTER
@@ -40,40 +40,40 @@ def test_keyframes_are_ends_of_lidar_turns_half_a_second_apart_with_room_for_the
     times = keyframe_times(rig, 4)
     assert times - times[0] == pytest.approx([0.0, 0.5, 1.0, 1.5])
     assert times * 10 == pytest.approx((times * 10).round())
-    assert all(numbers[0] >= 0 for numbers in next(firings_due(rig, 4, seed=0)).values())
+    assert all(numbers[0] >= 0 for numbers in next(events_due(rig, 4, seed=0)).values())
 
 
 def test_a_sensor_gives_its_latest_firing_at_or_before_the_keyframe(rig):
     camera = rig.cameras["CAM_FRONT"]
-    latest = firing_time(camera, last_firing(camera, 0.3, **FRONT), **FRONT)
+    latest = event_time(camera, last_event(camera, 0.3, **FRONT), **FRONT)
     assert 0.3 - 1 / 30 < latest <= 0.3
     assert (latest - camera.phase) * 30 == pytest.approx(round((latest - camera.phase) * 30))
 
 
 def test_a_firing_exactly_at_the_keyframe_counts(rig):
-    assert last_firing(rig.radars["RADAR_FRONT"], 0.013 + 7 / 20, **FRONT) == 7
-    assert last_firing(rig.lidars["LIDAR_TOP"], 0.3, **FRONT) == 3
+    assert last_event(rig.radars["RADAR_FRONT"], 0.013 + 7 / 20, **FRONT) == 7
+    assert last_event(rig.lidars["LIDAR_TOP"], 0.3, **FRONT) == 3
 
 
-def firing_times(mount, count, *, channel="RADAR_FRONT", seed=3):
-    return np.array([firing_time(mount, number, channel=channel, seed=seed) for number in range(count)])
+def event_times(mount, count, *, channel="RADAR_FRONT", seed=3):
+    return np.array([event_time(mount, number, channel=channel, seed=seed) for number in range(count)])
 
 
 def test_jitter_varies_the_firings_about_their_beat_and_never_their_order():
     radar = Radar(translation=[3.4, 0.0, 0.5], rate=20.0, phase=0.013, jitter=0.002)
-    late = firing_times(radar, 1900) - (0.013 + np.arange(1900) / 20)
+    late = event_times(radar, 1900) - (0.013 + np.arange(1900) / 20)
     assert late.std() == pytest.approx(0.002, rel=0.1)
     assert abs(late.mean()) < 2e-4
     wildest = replace(radar, jitter=0.1 / radar.rate)
-    assert (np.diff(firing_times(wildest, 1900)) > 0.009).all()
+    assert (np.diff(event_times(wildest, 1900)) > 0.009).all()
 
 
 def test_a_jittered_firing_differs_between_sensors_and_scenes():
     radar = Radar(translation=[3.4, 0.0, 0.5], rate=20.0, jitter=0.002)
-    times = firing_times(radar, 5)
-    assert (times == firing_times(radar, 5)).all()
-    assert (times != firing_times(radar, 5, channel="RADAR_LEFT")).all()
-    assert (times != firing_times(radar, 5, seed=4)).all()
+    times = event_times(radar, 5)
+    assert (times == event_times(radar, 5)).all()
+    assert (times != event_times(radar, 5, channel="RADAR_LEFT")).all()
+    assert (times != event_times(radar, 5, seed=4)).all()
 
 
 def test_keyframes_are_the_ends_of_turns_as_they_truly_come(rig):
@@ -82,7 +82,7 @@ def test_keyframes_are_the_ends_of_turns_as_they_truly_come(rig):
     times, nominal = keyframe_times(jittered, 5, seed=3), keyframe_times(rig, 5)
     assert 0 < np.abs(times - nominal).max() < 0.005
     for t in times:
-        assert firing_time(lidar, last_firing(lidar, t, **TOP), **TOP) == t
+        assert event_time(lidar, last_event(lidar, t, **TOP), **TOP) == t
 
 
 @pytest.mark.parametrize(("jitter", "nearest"), [(-0.001, 0.0), (0.02, 0.005)])
@@ -112,9 +112,9 @@ def written_and_fired(rig: Rig, channel: str, seed: int):
     """Written times by keyframe, each with the time of its keyframe, and all times at which the sensor fires."""
     mount: Mount = rig.sensors[channel]
     times = keyframe_times(rig, KEYFRAMES, seed=seed)
-    due = [numbers[channel] for numbers in firings_due(rig, KEYFRAMES, seed=seed)]
+    due = [numbers[channel] for numbers in events_due(rig, KEYFRAMES, seed=seed)]
     assert due[0][0] >= 0
-    fired = firing_times(mount, int((times[-1] + 1) * mount.rate) + 3, channel=channel, seed=seed)
+    fired = event_times(mount, int((times[-1] + 1) * mount.rate) + 3, channel=channel, seed=seed)
     return [(t, [fired[number] for number in numbers]) for t, numbers in zip(times, due, strict=True)], fired
 
 

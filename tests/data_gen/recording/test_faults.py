@@ -7,9 +7,10 @@ import pytest
 
 from data_gen.assets.shapes.mesh import Mesh
 from data_gen.recording import tables
-from data_gen.recording.writer import write_json, write_scene
+from data_gen.recording.record import record_scene
 from data_gen.rig.mounts import Camera, Lidar, Radar
 from data_gen.rig.rig import Rig
+from fusion_net.common.atomic import write_json
 from fusion_net.common.fault_effects import (
     BlockedLens,
     Clock,
@@ -77,7 +78,7 @@ def make(tmp_path_factory):
         root = tmp_path_factory.mktemp("tree")
         for folder in (*(f"{kind}/{c}" for kind in ("samples", "sweeps") for c in rig.sensors), "maps"):
             (root / folder).mkdir(parents=True)
-        rows = write_scene(
+        rows = record_scene(
             world, rig, root=root, dataset="tiny", index=0, keyframes=KEYFRAMES, seed=9, layout="boxes",
             faults=FaultPlan(list(faults), SEED),
         )  # fmt: skip

@@ -5,9 +5,10 @@ import pytest
 
 from data_gen.assets.shapes.mesh import Asset
 from data_gen.recording import tables
-from data_gen.recording.writer import write_json, write_scene
+from data_gen.recording.record import record_scene
 from data_gen.rig.mounts import Lidar, Radar
 from data_gen.rig.rig import Rig
+from fusion_net.common.atomic import write_json
 from fusion_net.common.fault_effects import Clock, Dead, LostPoints, Mismount, Stale
 from fusion_net.common.faults import Fault, FaultPlan
 from fusion_net.common.geometry import transform
@@ -68,7 +69,7 @@ def make(tmp_path_factory):
         root = tmp_path_factory.mktemp("tree")
         for folder in (*(f"{kind}/{c}" for kind in ("samples", "sweeps") for c in RIG.sensors), "maps"):
             (root / folder).mkdir(parents=True)
-        rows = write_scene(
+        rows = record_scene(
             stage, RIG, root=root, dataset="tiny", index=0, keyframes=KEYFRAMES, seed=9, layout="boxes",
             faults=FaultPlan(list(faults), 4),
         )  # fmt: skip

@@ -9,7 +9,7 @@ from test_rig_checks import camera, lidar, radar
 
 from data_gen.episode import Scenario
 from data_gen.generate import DataConfig, Job, generate
-from data_gen.recording.capture import keyframe_times
+from data_gen.recording.schedule import keyframe_times
 from data_gen.rig.rig import Rig
 from data_gen.scene.conditions import ConditionMix, Preset
 from fusion_net.common.cli.command import CONFIGS, build

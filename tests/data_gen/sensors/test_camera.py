@@ -13,8 +13,9 @@ from data_gen.scene.conditions import Condition
 from data_gen.scene.light import light_of
 from data_gen.scene.noise import band
 from data_gen.scene.scene import NOTHING, WORLD, Actor, Scene
-from data_gen.sensors.camera.camera import render_camera, render_luminance
+from data_gen.sensors.camera.camera import render_luminance, sense
 from data_gen.sensors.camera.imaging import auto_exposure, develop
+from data_gen.sensors.common.event import CaptureEvent
 from data_gen.world.ground import GROUND_NAMES, GroundMap
 from fusion_net.common.geometry import from_rpy, invert, project, transform
 from fusion_net.common.random import stream
@@ -64,7 +65,7 @@ def pixel_of(scene: Scene, point) -> tuple[int, int]:
 
 
 def shoot(scene: Scene, seed: int = 1, **kwargs):
-    return render_camera(scene, CAMERA, t=0.0, rng=stream(seed, "camera"), **kwargs)
+    return sense(scene, CaptureEvent.nominal(CAMERA, 0.0, stream(seed, "camera"), **kwargs))
 
 
 @pytest.fixture(scope="module")

@@ -16,12 +16,13 @@ from data_gen.scene.light import light_of, sky
 from data_gen.scene.luminaires import luminaires
 from data_gen.sensors.camera import glare, lens
 from data_gen.sensors.camera import rain as rain_image
-from data_gen.sensors.camera.camera import render_camera, render_luminance
+from data_gen.sensors.camera.camera import render_luminance, sense
 from data_gen.sensors.camera.imaging import auto_exposure
 from data_gen.sensors.camera.motion_blur import motion_blur
 from data_gen.sensors.camera.rendering import wet_road
 from data_gen.sensors.camera.rendering.lamps import BRAKE, add_street_lux
-from data_gen.sensors.camera.rendering.renderer import Renderer, View
+from data_gen.sensors.camera.rendering.renderer import PinholeView, Renderer
+from data_gen.sensors.common.event import CaptureEvent
 from fusion_net.common.geometry import invert, project, transform
 from fusion_net.common.random import stream
 from tests.fixtures.box_world import ORIGIN, at, box, car, path, scene
@@ -36,11 +37,11 @@ RAIN = Condition("rain", illuminance=5_000.0, sun_elevation=40.0, rain_rate=30.0
 
 
 def shoot(world, *, t=0.0, seed=1, camera=CAMERA, **kwargs):
-    return render_camera(world, camera, t=t, rng=stream(seed, "camera"), **kwargs)
+    return sense(world, CaptureEvent.nominal(camera, t, stream(seed, "camera"), **kwargs))
 
 
-def view_of(world) -> View:
-    return View(CAMERA.cam_K, world.ego.pose(0.0) @ CAMERA.ego_T_sensor)
+def view_of(world) -> PinholeView:
+    return PinholeView(CAMERA.cam_K, world.ego.pose(0.0) @ CAMERA.ego_T_sensor)
 
 
 def pixel_of(world, point) -> tuple[int, int]:

@@ -8,10 +8,9 @@ import pytest
 from data_gen.rig.mounts import Camera, Lidar, Radar
 from data_gen.scene.conditions import Condition
 from data_gen.scene.scene import NOTHING
-from data_gen.sensors.camera.camera import render_camera
-from data_gen.sensors.lidar.lidar import scan_lidar
+from data_gen.sensors.common.event import CaptureEvent
 from data_gen.sensors.radar.detection import DOUBLE_BOUNCE
-from data_gen.sensors.radar.radar import detect_radar
+from data_gen.sensors.sense import sense
 from fusion_net.common.random import stream
 from tests.fixtures.box_world import at, box, car, path, reflectors, scene
 from tests.fixtures.lidar_models import HDL32E
@@ -35,16 +34,16 @@ def target(distance, *, y=0.0, velocity=(0.0, 0.0, 0.0), size=(4.5, 1.9, 1.5), r
 
 
 def picture(world, *words):
-    return render_camera(world, CAMERA, t=0.0, rng=stream(5, *words))
+    return sense(world, CaptureEvent.nominal(CAMERA, 0.0, stream(5, *words)))
 
 
 def cloud(world):
-    return scan_lidar(world, LIDAR, t_end=0.0, rng=stream(6))
+    return sense(world, CaptureEvent.nominal(LIDAR, 0.0, stream(6)))
 
 
 def echoes(world, scans=12):
     """Detections of the first actor in several scans: range, compensated radial speed."""
-    found = [detect_radar(world, RADAR, t=0.0, rng=stream(7, k)) for k in range(scans)]
+    found = [sense(world, CaptureEvent.nominal(RADAR, 0.0, stream(7, k))) for k in range(scans)]
     return [(s.range[s.body == 0], s.doppler[s.body == 0]) for s in found]
 
 
@@ -61,7 +60,7 @@ def detectability(condition, *, distance=35.0):
 
 def test_outputs_dense_image_sparse_cloud_short_list():
     world = scene(actors=[target(20.0)])
-    frame, sweep, scan = picture(world), cloud(world), detect_radar(world, RADAR, t=0.0, rng=stream(7))
+    frame, sweep, scan = picture(world), cloud(world), sense(world, CaptureEvent.nominal(RADAR, 0.0, stream(7)))
     assert frame.image.shape == (96, 320, 3)
     assert len(sweep.points) == len(sweep.intensity) < frame.body.size
     assert len(scan.range) == len(scan.azimuth) == len(scan.doppler) == len(scan.rcs) < 0.02 * len(sweep.points)
@@ -114,7 +113,7 @@ def test_angular_resolution_two_posts_one_degree_apart():
     assert columns[0].min() - columns[1].max() > 1  # background between them
     sweep = cloud(world)
     assert all((sweep.body == k).sum() >= 3 for k in (0, 1))
-    scans = [detect_radar(world, RADAR, t=0.0, rng=stream(7, k)) for k in range(12)]
+    scans = [sense(world, CaptureEvent.nominal(RADAR, 0.0, stream(7, k))) for k in range(12)]
     near = [(abs(s.range - 40.0) < 2.0).sum() for s in scans]
     assert np.mean(np.array(near) == 1) > 0.9  # merged in one resolution cell
 
@@ -127,7 +126,7 @@ def test_radar_tells_apart_by_speed_what_it_cannot_by_angle():
         return scene(actors=[(shape, path(at(41.0, y, 0.0), (10.0 + y * difference, 0.0, 0.0))) for y in (-0.5, 0.5)])
 
     def count(world):
-        scans = [detect_radar(world, RADAR, t=0.0, rng=stream(7, k)) for k in range(20)]
+        scans = [sense(world, CaptureEvent.nominal(RADAR, 0.0, stream(7, k))) for k in range(20)]
         return np.mean([(s.body >= 0).sum() for s in scans])
 
     assert count(riders(0.0)) == pytest.approx(1.0, abs=0.1)
@@ -148,7 +147,7 @@ def test_only_the_radar_sees_a_car_twice_in_a_guard_rail():
     rail = box((60.0, 0.1, 0.8), at(30.0, 4.05, 0.4))
     strip = reflectors([at(x, 4.0, 0.6) for x in range(1, 60)], -30.0, (0.0, -1.0, 0.0))
     world = scene(actors=[target(30.0, y=-1.0, velocity=(12.0, 0.0, 0.0))], walls=[rail], scatterers=strip)
-    scans = [detect_radar(world, RADAR, t=0.0, rng=stream(7, k)) for k in range(100)]
+    scans = [sense(world, CaptureEvent.nominal(RADAR, 0.0, stream(7, k))) for k in range(100)]
     ghosts = [s.y[s.cause == DOUBLE_BOUNCE] for s in scans]
     assert 0.1 < np.mean([len(y) > 0 for y in ghosts]) < 0.5
     assert np.mean(np.concatenate(ghosts)) == pytest.approx(9.0, abs=1.0)  # 2 * 4 + 1

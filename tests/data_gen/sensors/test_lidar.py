@@ -6,7 +6,8 @@ import pytest
 from data_gen.rig.mounts import Lidar
 from data_gen.scene.conditions import Condition
 from data_gen.scene.scene import WORLD
-from data_gen.sensors.lidar.lidar import firing_pattern, scan_lidar
+from data_gen.sensors.common.event import CaptureEvent
+from data_gen.sensors.lidar.lidar import firing_pattern, sense
 from data_gen.sensors.lidar.power import range_sigma
 from fusion_net.common.geometry import from_rpy, invert, transform
 from fusion_net.common.random import stream
@@ -25,7 +26,7 @@ FULL = Lidar(model=HDL32E, translation=[0.94, 0.1, 1.84], rotation_deg=[-0.4, 0.
 
 
 def sweep_of(world, lidar=FRONT, t_end=0.4, key=0, **more):
-    return scan_lidar(world, lidar, t_end=t_end, rng=stream(5, key), **more)
+    return sense(world, CaptureEvent.nominal(lidar, t_end, stream(5, key), **more))
 
 
 def in_global(world, sweep, lidar=FRONT, t_end=0.4):

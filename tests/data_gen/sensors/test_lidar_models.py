@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from data_gen.rig.mounts import Lidar
 from data_gen.scene.conditions import Condition
 from data_gen.scene.scene import NOTHING
-from data_gen.sensors.lidar.lidar import firing_pattern, scan_lidar
+from data_gen.sensors.common.event import CaptureEvent
+from data_gen.sensors.lidar.lidar import firing_pattern, sense
 from fusion_net.common.random import stream
 from tests.fixtures.box_world import at, box, scene
 from tests.fixtures.lidar_models import HDL32E, HDL64E, VLP16
@@ -26,7 +27,7 @@ def mounted(model, **changes):
 
 
 def sweep_of(world, model, **changes):
-    return scan_lidar(world, mounted(model, **changes), t_end=0.4, rng=stream(5))
+    return sense(world, CaptureEvent.nominal(mounted(model, **changes), 0.4, stream(5)))
 
 
 def wall(distance, reflectivity=0.5):

@@ -5,7 +5,8 @@ from data_gen.assets.shapes.mesh import Asset
 from data_gen.rig.mounts import Lidar
 from data_gen.scene.conditions import Condition
 from data_gen.scene.scene import NOTHING, WORLD
-from data_gen.sensors.lidar.lidar import firing_pattern, scan_lidar
+from data_gen.sensors.common.event import CaptureEvent
+from data_gen.sensors.lidar.lidar import firing_pattern, sense
 from data_gen.sensors.lidar.power import Returns, film_loss, strongest
 from data_gen.sensors.lidar.scatter import DROP, drop_echoes, echo_table, fog_power, sample_echoes
 from data_gen.sensors.lidar.weather import Rays, with_weather
@@ -22,7 +23,7 @@ RAYS = len(firing_pattern(LIDAR)[1])
 
 
 def sweep_of(world, lidar=LIDAR, key=0):
-    return scan_lidar(world, lidar, t_end=0.4, rng=stream(5, key))
+    return sense(world, CaptureEvent.nominal(lidar, 0.4, stream(5, key)))
 
 
 def in_ego(sweep, lidar=LIDAR):

@@ -12,12 +12,11 @@ from data_gen.sensors.radar.echoes import (
     OBLIQUE_DB,
     UNDERBODY_GAIN,
     UNDERBODY_SHARE,
-    Look,
     sensor_velocity,
     visible_echoes,
 )
 from data_gen.sensors.radar.flags import AMBIGUOUS, MAYBE_STATIONARY, UNAMBIGUOUS
-from data_gen.sensors.radar.radar import MOVING, ONCOMING, STATIONARY, STILL
+from data_gen.sensors.radar.radar import MOVING, ONCOMING, STATIONARY, STATIONARY_SPEED
 from fusion_net.common.geometry import from_rpy
 from fusion_net.common.random import stream
 from tests.fixtures.box_world import ORIGIN, at, box, car, path, reflectors, scene
@@ -80,7 +79,7 @@ def test_what_stands_still_has_no_compensated_velocity_but_for_the_error_of_azim
     ground = seen["vx_comp"] * np.cos(azimuth) + seen["vy_comp"] * np.sin(azimuth)
     assert np.abs(ground / expected).max() < 4.5
     assert np.std(ground / expected) == pytest.approx(1, abs=4 / np.sqrt(2 * count))
-    called_still = np.mean([erf(STILL / (s * 2**0.5)) for s in expected])
+    called_still = np.mean([erf(STATIONARY_SPEED / (s * 2**0.5)) for s in expected])
     assert called_still > 0.9
     margin = 3 * np.sqrt(max(called_still * (1 - called_still), 1e-3) / count)
     assert np.mean(seen["dyn_prop"] == STATIONARY) == pytest.approx(called_still, abs=margin)
@@ -146,7 +145,7 @@ def test_a_flat_reflector_sends_obliquely_most_of_the_wave_elsewhere(turn_deg, l
     """(cos / cos 45)^2 beyond 45 degrees (Lambert), down to what its edges return."""
     turn = np.radians(turn_deg)
     flat = reflectors(at(43.41, 0.3, 0.5), 10.0, (-np.cos(turn), np.sin(turn), 0.0))
-    (seen,) = visible_echoes(scene(scatterers=flat), [Look(RADAR, 0.0, stream(1))])
+    (seen,) = visible_echoes(scene(scatterers=flat), [CaptureEvent.nominal(RADAR, 0.0, stream(1))])
     level = 10 * np.log10(seen.snr) - 10.0 - link_budget_db(seen.range, seen.azimuth, RADAR)
     assert level == pytest.approx(loss, abs=0.1)
 
@@ -198,7 +197,7 @@ def test_an_empty_scene_gives_nothing_but_clutter_most_of_it_at_rest():
 def test_nothing_outside_the_field_of_view_or_beyond_the_range():
     places = [at(x, y, 0.5) for x in np.linspace(-100, 150, 40) for y in np.linspace(-90, 90, 31)]
     world = scene(scatterers=reflectors(places, 30.0))
-    (exact,) = visible_echoes(world, [Look(CORNER, 0.5, stream(1))])
+    (exact,) = visible_echoes(world, [CaptureEvent.nominal(CORNER, 0.5, stream(1))])
     assert np.abs(np.degrees(exact.azimuth)).max() <= 60
     assert exact.range.max() <= 100
     scan = scan_of(world, replace(CORNER, max_detections=1000))

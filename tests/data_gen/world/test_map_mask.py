@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from data_gen.episode import build_episode
-from data_gen.recording.writer import write_scene
+from data_gen.recording.record import record_scene
 from data_gen.rig.mounts import Lidar, Radar
 from data_gen.rig.rig import Rig
 from data_gen.scene.conditions import Condition, ConditionMix, Preset
@@ -32,7 +32,7 @@ def written(request, tmp_path_factory):
         (root / "samples" / channel).mkdir(parents=True)
     (root / "maps").mkdir()
     scene = build_episode(name="scene-00004", layout=request.param, seed=11, duration=3.0, condition=CLEAR)
-    rows = write_scene(
+    rows = record_scene(
         scene, RIG, root=root, dataset="tiny", index=4, keyframes=3, seed=11, layout=request.param
     )  # fmt: skip
     return root, rows

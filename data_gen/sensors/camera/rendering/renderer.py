@@ -21,7 +21,7 @@ _TOWN_GLOW = 0.35
 _GROUND_ALBEDO, _GROUND_KIND, _ = ground_table()
 
 
-class View:
+class PinholeView:
     """A pinhole camera at one time and place: turns pixel coordinates into unit rays of the global frame."""
 
     def __init__(self, cam_K: NDArray, global_T_cam: NDArray) -> None:
@@ -53,7 +53,7 @@ def _rays(pixels, principal, forward, right, down):
 class Renderer:
     """One scene seen through one view at one time."""
 
-    def __init__(self, scene: Scene, view: View, t: float) -> None:
+    def __init__(self, scene: Scene, view: PinholeView, t: float) -> None:
         self.scene, self.view, self.t = scene, view, t
         self.motion = motion_at(scene, t)
         self.lamps = lamps_of(scene, self.motion, view.origin, t)

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from fusion_net.common.bev_grid import BEVGrid
 from fusion_net.common.cli.terminal import print_any_text
 from fusion_net.common.drawing import BEVPanel, Image, boxes_on_image, depth_colors, points_on_image
-from fusion_net.common.nuscenes_format import REFERENCE
+from fusion_net.common.nuscenes_format import DEPTH_SCALE, DEPTH_SUFFIX, REFERENCE
 from fusion_net.data.readable import refuse_missing_files
 from fusion_net.data.samples import Sample, SampleReader
 from fusion_net.nuscenes.nuscenes import NuScenes
@@ -31,7 +31,6 @@ from fusion_net.viz.calibration import agreement, at_time, follow, turned
 BOX, RADAR, PANEL_WIDTH = (255, 220, 60), (255, 90, 200), 960
 OPTIONS = {"sample": "0", "split": "all", "out": "lidar_check.png", "error_deg": "0", "follow": "yes", "version": ""}
 USAGE = "usage: ROOT [sample=N] [split=NAME] [error_deg=DEGREES] [follow=yes|no] [out=PNG] [version=NAME]"
-DEPTH_SCALE = 256.0  # depth images count 1/256 m
 
 
 @dataclass(frozen=True)
@@ -137,7 +136,7 @@ def read_shots(tree: NuScenes, token: str) -> list[Shot]:
 
 def _exact_depth(tree: NuScenes, record: Record) -> NDArray[np.float32] | None:
     with tree.file_of(record) as path:
-        depth = read_labels(path, ".depth.png", tree.image_size(record))
+        depth = read_labels(path, DEPTH_SUFFIX, tree.image_size(record))
     return None if depth is None else depth.astype(np.float32) / DEPTH_SCALE
 
 

@@ -14,7 +14,7 @@ SHARD = re.compile(r"shard-(\d+)-of-(\d+)")
 """Name of a generated shard's folder: its number, from 1, and how many there are."""
 
 
-def open_trees(root: str | Sequence[str], version: str | None = None) -> list[NuScenes]:
+def open_datasets(root: str | Sequence[str], version: str | None = None) -> list[NuScenes]:
     """The trees of a folder or of a list of folders, each a tree itself or a folder of shards. ``version`` names the folder
     of tables; in a list it chooses where there are several. ValueError when shards do not belong together; missing ones
     are named on stderr."""

@@ -14,7 +14,7 @@ from omegaconf import OmegaConf
 
 from fusion_net.common import geometry
 from fusion_net.common.bev_grid import BEVGrid
-from fusion_net.common.nuscenes_format import CLASSES
+from fusion_net.common.nuscenes_format import CLASSES, MODALITIES
 from fusion_net.data.batch import Batch, Targets
 from fusion_net.models.camera_encoder import CameraEncoder
 from fusion_net.models.fusion_net import FusionNet
@@ -24,7 +24,7 @@ CONFIGS = Path(__file__).parents[1] / "configs"
 
 def load_model(**overrides) -> FusionNet:
     """The model of configs/model/mid.yaml on configs/grid/nano.yaml, with values for the keys that train.yaml holds."""
-    keys = {"classes": list(CLASSES), "encoders": ["camera", "lidar", "radar"], "fuser": "concat"}
+    keys = {"classes": list(CLASSES), "encoders": list(MODALITIES), "fuser": "concat"}
     config = OmegaConf.create(keys | {"depth_supervision": "dense"} | overrides)
     config.grid = OmegaConf.load(CONFIGS / "grid" / "nano.yaml")
     config.model = OmegaConf.load(CONFIGS / "model" / "mid.yaml")

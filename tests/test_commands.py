@@ -21,6 +21,7 @@ ENVIRONMENT = os.environ | {"OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
 ASSET_SHEET = ["-m", "data_gen.pictures.asset_sheet"]
 DATA_GEN = ["-m", "data_gen", "data=nano", "workers=1"]
 SHEET, PREVIEW = ["-m", "data_gen.pictures.contact_sheet"], ["-m", "data_gen.pictures.rig_preview"]
+STATISTICS, LIDAR_CHECK = ["-m", "fusion_net.reports.statistics"], ["-m", "fusion_net.viz.lidar_check"]
 TRAIN, EVAL = [str(PROJECT / "train.py"), "trainer=smoke"], [str(PROJECT / "eval.py")]
 
 
@@ -132,6 +133,14 @@ MISTAKES = [
     (PREVIEW, "--junk", "unknown flag --junk"),
     (PREVIEW, "rig=nanoo", "did you mean nano?"),
     (TRAIN, "data.root=[]", "data.root=[] names no folder of data"),
+    (STATISTICS, "sample=3", "it is a setting of python -m fusion_net.viz.lidar_check"),
+    (STATISTICS, "samples=none", "samples=none is not a whole number; the default is 300"),
+    (STATISTICS, "data.root=nowhere", "no data in nowhere; make some: python -m data_gen"),
+    (LIDAR_CHECK, "smple=1", "did you mean sample or split?"),
+    (LIDAR_CHECK, "data/nano", "'data/nano' is not an override; write key=value"),
+    (LIDAR_CHECK, "follow=maybe", "follow=maybe is not true or false"),
+    (LIDAR_CHECK, "error_deg=much", "error_deg=much is not a number"),
+    (LIDAR_CHECK, "error_deg=90", "error_deg=90 is not within 45 degrees"),
 ]
 
 
@@ -307,7 +316,9 @@ def test_the_commands_that_messages_advise_can_be_given(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("command", [TRAIN, EVAL, DATA_GEN, SHEET, PREVIEW], ids=lambda command: command[-1][-12:])
+@pytest.mark.parametrize(
+    "command", [TRAIN, EVAL, DATA_GEN, SHEET, PREVIEW, STATISTICS, LIDAR_CHECK], ids=lambda command: command[-1][-12:]
+)
 @pytest.mark.parametrize(
     "flags", [["--help"], ["--cfg", "job"], ["--info", "defaults-tree"]], ids=lambda flags: flags[0]
 )

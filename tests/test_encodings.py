@@ -35,13 +35,12 @@ def test_text_files_are_opened_with_an_encoding(path):
 
 def test_the_statistics_page_is_written_and_its_path_printed_in_an_ascii_locale(tmp_path):
     code = (
-        "import sys; sys.path.insert(0, 'tests/fusion_net');"
-        "from pathlib import Path; from tiny_tree import write_tree;"
+        "from pathlib import Path; from tests.fixtures.tiny_tree import write_tree;"
         f"write_tree(Path({str(tmp_path)!r}, 'stra\\xdfe'), scenes=1, keyframes=1)"
     )
     subprocess.run([sys.executable, "-c", code], cwd=PROJECT, check=True)
     root = tmp_path / "straße"
-    command = [sys.executable, "-m", "fusion_net.reports.statistics", str(root), f"out={tmp_path / 'stra'}"]
+    command = [sys.executable, "-m", "fusion_net.reports.statistics", f"data.root={root}", f"out={tmp_path / 'stra'}"]
     done = subprocess.run(command, cwd=PROJECT, env=os.environ | ASCII, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
     assert "1 scenes, 1 keyframes" in done.stdout

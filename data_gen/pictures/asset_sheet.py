@@ -1,7 +1,5 @@
 """``python -m data_gen.pictures.asset_sheet``: every variant of every asset from front left and from rear right."""
 
-from pathlib import Path
-
 import cv2
 import numpy as np
 from embreex.mesh_construction import TriangleMesh
@@ -12,6 +10,7 @@ from omegaconf import DictConfig
 from data_gen.assets.catalogue import PAINTS, VARIANTS, build_asset, decoy_of
 from data_gen.assets.shapes.mesh import Asset
 from fusion_net.common.cli.command import command
+from fusion_net.common.drawing import picture_file
 
 SKY, SUN = np.array([0.55, 0.68, 0.85]), np.array([0.35, 0.5, 0.79])
 
@@ -45,9 +44,7 @@ def main(cfg: DictConfig) -> None:
     kinds = list(cfg.kinds) or list(VARIANTS)
     if unknown := [kind for kind in kinds if kind not in VARIANTS]:
         raise ValueError(f"kinds: there is no {unknown[0]!r}; there are {', '.join(VARIANTS)}")
-    out = Path(cfg.out)
-    if out.suffix not in (".png", ".jpg"):
-        raise ValueError(f"out={out} is no picture; end it with .png")
+    out = picture_file(cfg.out, formats=(".png", ".jpg"))
     out.write_bytes(cv2.imencode(out.suffix, draw_assets(kinds))[1].tobytes())  # unlike imwrite, says why it cannot
     print(f"wrote {out}")
 

@@ -6,7 +6,6 @@ from typing import Any
 
 from omegaconf import DictConfig
 
-from data_gen.pictures.picture_file import picture_file
 from data_gen.pictures.sensor_sheet import draw_sensors
 from data_gen.pictures.sheet import Image, data_of, short_scene, single_condition, write_sheet
 from data_gen.recording.capture import capture
@@ -15,7 +14,7 @@ from data_gen.road.layout import LAYOUTS
 from data_gen.scene.conditions import ConditionMix
 from data_gen.scene.scene import Scene
 from fusion_net.common.cli.command import build, command
-from fusion_net.common.drawing import label
+from fusion_net.common.drawing import label, picture_file
 
 
 @command(config_name="contact_sheet")

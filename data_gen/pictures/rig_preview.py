@@ -11,12 +11,12 @@ from collections.abc import Mapping
 import numpy as np
 from omegaconf import DictConfig
 
-from data_gen.pictures.picture_file import picture_file
 from data_gen.pictures.rig_drawing import draw
 from data_gen.rig.coverage import gaps
 from data_gen.rig.mounts import Mount
 from data_gen.rig.rig import Rig
 from fusion_net.common.cli.command import build, command
+from fusion_net.common.drawing import picture_file
 
 
 def table(rig: Rig) -> str:

@@ -3,7 +3,9 @@
 Colours are RGB, images (H, W, 3) uint8; everything draws into the image it is given.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -26,6 +28,15 @@ _SHIFT = 4  # cv2 draws at 1/16 pixel
 def label(name: str) -> str:
     """A name of the settings as text for a picture or a page."""
     return {"dusk_glare_spray": "dusk, glare, spray"}.get(name, name.replace("_", " "))
+
+
+def picture_file(out: str, formats: Sequence[str] = (".png", ".jpg", ".pdf", ".svg")) -> Path:
+    """The path of a picture to be written, its folder made. ValueError when its suffix is none of ``formats``."""
+    path = Path(out)
+    if path.suffix not in formats:
+        raise ValueError(f"out={out} is no picture; end it with {' or '.join(formats[:2])}")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    return path
 
 
 def depth_colors(depth: ArrayLike, far: float = 60.0) -> NDArray[np.uint8]:

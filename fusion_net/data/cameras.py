@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fusion_net.common.geometry import invert
+from fusion_net.common.nuscenes_format import CLASS_SUFFIX, DEPTH_SUFFIX
 from fusion_net.data.depth_labels import class_map, dense_depth, lidar_depth
 from fusion_net.nuscenes.sensor_files import read_image, read_labels
 
@@ -108,7 +109,7 @@ def view_camera(
         zero = np.zeros(cells, np.float32)
         return CameraView(image, cam_K, ego_T_cam, False, zero, zero, np.full(cells, -1))
     sparse = lidar_depth(lidar_points, invert(ego_T_cam), cam_K, **size, stride=label_stride)
-    depth, classes = (read_labels(path, suffix, fit.source) for suffix in (".depth.png", ".class.png"))
+    depth, classes = (read_labels(path, suffix, fit.source) for suffix in (DEPTH_SUFFIX, CLASS_SUFFIX))
     if depth is None:
         return CameraView(image, cam_K, ego_T_cam, True, sparse, None, None)
     depth = fit.image(depth, cv2.INTER_NEAREST)

@@ -20,7 +20,7 @@ from fusion_net.data.batch import Batch
 from fusion_net.data.readable import refuse_missing_files, refuse_unlike_images
 from fusion_net.data.samples import Sample, SampleReader, labelled_boxes
 from fusion_net.data.targets import center_targets
-from fusion_net.nuscenes.datasets import open_trees, split_of
+from fusion_net.nuscenes.datasets import open_datasets, split_of
 from fusion_net.nuscenes.nuscenes import NuScenes
 
 
@@ -51,7 +51,7 @@ class NuScenesDataset(Dataset):
     ) -> None:
         self.grid, self.augment, self.min_radius, self.cache, self.seed = grid, augment, min_radius, cache, seed
         self.reader = SampleReader(**reader, fault_seed=seed)
-        self.trees = open_trees(root, version) if trees is None else trees
+        self.trees = open_datasets(root, version) if trees is None else trees
         self.index = split_of(self.trees, split)
         refuse_missing_files(self.index, self.reader)
         refuse_unlike_images(self.reader, self.index)

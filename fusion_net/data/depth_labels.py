@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fusion_net.common.geometry import transform
+from fusion_net.common.nuscenes_format import DEPTH_SCALE
 
-DEPTH_UNIT = 1 / 256
-"""Metres of one step of a ``.depth.png``; 0 there is sky."""
 _FAR = np.uint16(65_535)
 
 
@@ -31,10 +30,10 @@ def lidar_depth(
 
 
 def dense_depth(depth: NDArray[np.uint16], stride: int) -> NDArray[np.float32]:
-    """(h, w) metres: the nearest valid pixel of each cell of a depth image (H, W) in DEPTH_UNIT, 0 where all is
-    sky."""
+    """(h, w) metres: the nearest valid pixel of each cell of a depth image (H, W) in 1/DEPTH_SCALE m, 0 where all
+    is sky."""
     nearest = (_cells(depth, stride) - np.uint16(1)).min(axis=-1) + np.uint16(1)  # 0 wraps to the farthest and back
-    return nearest.astype(np.float32) * np.float32(DEPTH_UNIT)
+    return nearest.astype(np.float32) / np.float32(DEPTH_SCALE)
 
 
 def class_map(

@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 from scipy.stats import rankdata
 
 from fusion_net.common.geometry import invert
-from fusion_net.common.nuscenes_format import CATEGORY_TO_CLASS
+from fusion_net.common.nuscenes_format import CATEGORY_TO_CLASS, EXACT_VELOCITY, IMITATED_CATEGORY
 from fusion_net.evaluation.drop_table import SUBSETS
 from fusion_net.evaluation.scoring import GroundTruth, table_order
 from fusion_net.metrics.matching import ClassMatches
@@ -84,14 +84,16 @@ def read_bodies(truth: GroundTruth, samples: Sequence[tuple[NuScenes, str]]) -> 
             token: tree.get("category", i["category_token"])["name"] for token, i in tree.tables["instance"].items()
         }
         for record in tree.tables["sample_annotation"].values():
-            if record["sample_token"] not in place or not {"imitates", "velocity"} <= record.keys():  # not generated
+            if (
+                record["sample_token"] not in place or not {IMITATED_CATEGORY, EXACT_VELOCITY} <= record.keys()
+            ):  # not generated
                 continue
-            name = CATEGORY_TO_CLASS.get(record["imitates"] or category[record["instance_token"]], "")
+            name = CATEGORY_TO_CLASS.get(record[IMITATED_CATEGORY] or category[record["instance_token"]], "")
             if name in truth.classes:
                 points = record["num_lidar_pts"] + record["num_radar_pts"]
-                speed = float(np.hypot(*record["velocity"]))
+                speed = float(np.hypot(*record[EXACT_VELOCITY]))
                 rows.append(
-                    (truth.classes.index(name), bool(record["imitates"]), speed, points, record["translation"],
+                    (truth.classes.index(name), bool(record[IMITATED_CATEGORY]), speed, points, record["translation"],
                      place[record["sample_token"]])
                 )  # fmt: skip
     if not any(row[1] for row in rows):

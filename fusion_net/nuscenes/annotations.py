@@ -9,14 +9,12 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from fusion_net.common.boxes import Boxes
-from fusion_net.common.nuscenes_format import CATEGORY_TO_CLASS, CLASSES
+from fusion_net.common.nuscenes_format import BICYCLE_RACK, CATEGORY_TO_CLASS, CLASSES
 from fusion_net.nuscenes.table_fields import Tables
 
 MAX_TIME_DIFF = 1.5
 """Seconds between an instance's annotations beyond which nuScenes knows no velocity; twice that where it is
 centred."""
-RACK = "static_object.bicycle_rack"
-"""The category of bicycle racks, which are no detection class."""
 _CLASS_INDEX = {name: index for index, name in enumerate(CLASSES)}
 
 
@@ -90,7 +88,7 @@ class AnnotationTable:
         )
         self._racks_of: dict[str, list[dict]] = defaultdict(list)
         for record, name in zip(records, categories, strict=True):
-            if name == RACK:
+            if name == BICYCLE_RACK:
                 self._racks_of[record["sample_token"]].append(record)
 
     def of(self, sample_token: str, classes: Sequence[str]) -> Annotations:

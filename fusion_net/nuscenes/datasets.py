@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
+from fusion_net.common.nuscenes_format import MANIFEST_FILE
 from fusion_net.nuscenes.nuscenes import NuScenes
 from fusion_net.nuscenes.tables import versions
 
@@ -13,7 +14,7 @@ SHARD = re.compile(r"shard-(\d+)-of-(\d+)")
 """Name of a generated shard's folder: its number, from 1, and how many there are."""
 
 
-def open_trees(root: str | Sequence[str], version: str | None = None) -> list[NuScenes]:
+def open_datasets(root: str | Sequence[str], version: str | None = None) -> list[NuScenes]:
     """The trees of a folder or of a list of folders, each a tree itself or a folder of shards. ``version`` names the folder
     of tables; in a list it chooses where there are several. ValueError when shards do not belong together; missing ones
     are named on stderr."""
@@ -44,7 +45,7 @@ def split_of(trees: Sequence[NuScenes], name: str) -> list[tuple[NuScenes, str]]
 
 def _open(folder: Path, version: str | None) -> list[NuScenes]:
     found = {path: match for path in sorted(folder.glob("shard-*")) if (match := SHARD.fullmatch(path.name))}
-    if not found or (folder / "manifest.json").exists():
+    if not found or (folder / MANIFEST_FILE).exists():
         return [NuScenes(folder, version)]
     counts = sorted({int(match[2]) for match in found.values()})
     if len(counts) > 1:

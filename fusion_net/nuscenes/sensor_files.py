@@ -11,11 +11,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-RADAR_FIELDS = (
-    "x", "y", "z", "dyn_prop", "id", "rcs", "vx", "vy", "vx_comp", "vy_comp", "is_quality_valid", "ambig_state",
-    "x_rms", "y_rms", "invalid_state", "pdh0", "vx_rms", "vy_rms",
-)  # fmt: skip
-LABEL_TYPES = {".depth.png": "uint16", ".class.png": "uint8"}
+from fusion_net.common.nuscenes_format import CLASS_SUFFIX, DEPTH_SUFFIX, FILE_SUFFIX, RADAR_FIELDS, TIME_SUFFIX
+
+LABEL_TYPES = {DEPTH_SUFFIX: "uint16", CLASS_SUFFIX: "uint8"}
 """Of the pictures beside an image: the type of a pixel, one value each."""
 _PCD_KINDS = {"F": "f", "I": "i", "U": "u"}
 _DEFAULT_FILTER = {"invalid_state": (0,), "dyn_prop": tuple(range(7)), "ambig_state": (3,)}
@@ -29,7 +27,7 @@ def read_lidar(path: Path) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     if path.stat().st_size % 20:
         raise ValueError(f"{path} is cut short: {path.stat().st_size} bytes are no whole number of 20-byte points")
     points = data.reshape(-1, 5)
-    side_file = path.with_name(path.name.removesuffix(".pcd.bin") + ".time.npy")
+    side_file = path.with_name(path.name.removesuffix(FILE_SUFFIX["lidar"]) + TIME_SUFFIX)
     if not side_file.exists():
         return points, np.zeros(len(points), np.float32)
     try:
@@ -69,7 +67,7 @@ def _pcd_layout(head: bytes) -> tuple[np.dtype, int] | None:
         count = int(header["WIDTH"]) * int(header["HEIGHT"])
     except (ValueError, KeyError, TypeError):
         return None
-    return (dtype, count) if dtype.names == RADAR_FIELDS else None
+    return (dtype, count) if dtype.names == tuple(name for name, _, _ in RADAR_FIELDS) else None
 
 
 def read_image(path: Path, size: tuple[int, int]) -> NDArray[np.uint8]:

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
+from fusion_net.common.nuscenes_format import SPLITS_FILE
 from fusion_net.nuscenes.tables import mend, read_json, shown
 
 OFFICIAL = {"v1.0-mini": ("mini_train", "mini_val"), "v1.0-trainval": ("train", "val"), "v1.0-test": ("test",)}
@@ -19,7 +20,7 @@ def read_splits(folder: Path, scenes: Sequence[str]) -> dict[str, list[str]]:
 
     Of an official list the scenes that are there, as the devkit takes it.
     """
-    path = folder / "splits.json"
+    path = folder / SPLITS_FILE
     if path.exists():
         named = _read(path)
     else:

@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fusion_net.common.nuscenes_format import BEAMS, EXACT_VELOCITY, IMITATED_CATEGORY, MODALITIES, VISIBILITY_LEVELS
+
 Record = dict[str, Any]
 Tables = dict[str, dict[str, Record]]
 """Records by table name and token."""
@@ -20,6 +22,7 @@ FAR = 1e9
 """No coordinate and no focal length is larger."""
 BEYOND = 2**62
 """No count and no time stamp in microseconds is larger."""
+VISIBILITY_TOKENS = tuple(str(level) for level, _ in enumerate(VISIBILITY_LEVELS, start=1))
 NORM_TOLERANCE = 0.01
 """How far the norm of a quaternion may be from 1."""
 
@@ -120,7 +123,7 @@ CONDITION = Field("a name and a severity", lambda values, tables: all(map(_is_co
 FIELDS: dict[str, dict[str, Field]] = {
     "category": {"name": NAME},
     "attribute": {"name": NAME},
-    "sensor": {"channel": NAME, "modality": _one_of("camera", "lidar", "radar")},
+    "sensor": {"channel": NAME, "modality": _one_of(*MODALITIES)},
     "calibrated_sensor": {
         "sensor_token": _token("sensor"), "translation": PLACE, "rotation": ROTATION, "camera_intrinsic": INTRINSIC,
     },
@@ -135,7 +138,7 @@ FIELDS: dict[str, dict[str, Field]] = {
     "instance": {"category_token": _token("category")},
     "sample_annotation": {
         "sample_token": _token("sample"), "instance_token": _token("instance"), "attribute_tokens": _tokens("attribute"),
-        "visibility_token": _one_of("1", "2", "3", "4", "", None), "translation": PLACE, "size": SIZE,
+        "visibility_token": _one_of(*VISIBILITY_TOKENS, "", None), "translation": PLACE, "size": SIZE,
         "rotation": ROTATION, "prev": NEIGHBOUR, "next": NEIGHBOUR, "num_lidar_pts": _whole(0),
         "num_radar_pts": _whole(0),
     },
@@ -143,9 +146,9 @@ FIELDS: dict[str, dict[str, Field]] = {
 """The tables that are read, and the fields that a record of each must have."""
 
 OPTIONAL: dict[str, dict[str, Field]] = {
-    "calibrated_sensor": {"height": _whole(1), "width": _whole(1), "beams": _whole(1)},
+    "calibrated_sensor": {"height": _whole(1), "width": _whole(1), BEAMS: _whole(1)},
     "scene": {"condition": CONDITION, "layout": TEXT},
     "sample_data": {"height": _whole(0), "width": _whole(0), "next": _token("sample_data", or_none=True)},
-    "sample_annotation": {"imitates": TEXT, "velocity": _numbers(2, "two finite numbers in m/s")},
+    "sample_annotation": {IMITATED_CATEGORY: TEXT, EXACT_VELOCITY: _numbers(2, "two finite numbers in m/s")},
 }
 """The fields that are read where a record has them."""

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from fusion_net.common.cli.command_line import command_line
+from fusion_net.common.nuscenes_format import MANIFEST_FILE, VERSION_PREFIX
 from fusion_net.nuscenes.origin import generating_command
 from fusion_net.nuscenes.table_fields import FIELDS, OPTIONAL, Field, Record, Tables
 
@@ -29,7 +30,7 @@ def version_folder(root: Path, version: str | None = None) -> Path:
         raise ValueError(f"{root} has no version {version}; it has {', '.join(found) or 'none'}")
     if not found:
         hint = f"give the folder above: {root.parent}" if (root / "sample.json").exists() else "is it a nuScenes root?"
-        raise ValueError(f"{root} needs a folder v1.0-* of tables and has none; {hint}")
+        raise ValueError(f"{root} needs a folder {VERSION_PREFIX}* of tables and has none; {hint}")
     if version is None and len(found) > 1:
         raise ValueError(
             f"{root} has the versions {', '.join(found)}; choose one, such as version={found[0]}"
@@ -44,12 +45,13 @@ def version_folder(root: Path, version: str | None = None) -> Path:
 
 def versions(root: Path) -> list[str]:
     """Names of the folders ``v1.0-*`` of a root that hold tables."""
-    return sorted(path.name for path in root.glob("v1.0-*") if any((path / f"{name}.json").exists() for name in FIELDS))
+    folders = root.glob(f"{VERSION_PREFIX}*")
+    return sorted(path.name for path in folders if any((path / f"{name}.json").exists() for name in FIELDS))
 
 
 def manifest(root: Path) -> dict[str, Any]:
     """What a generated tree says of itself; {} for a real one."""
-    path = root / "manifest.json"
+    path = root / MANIFEST_FILE
     if not path.exists():
         return {}
     try:

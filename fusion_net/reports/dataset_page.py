@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from fusion_net.common.drawing import label
-from fusion_net.common.nuscenes_format import CLASSES
+from fusion_net.common.nuscenes_format import CLASSES, MODALITIES
 from fusion_net.reports import dataset_page_objects as objects
 from fusion_net.reports import dataset_page_sensors as sensors
 from fusion_net.reports.dataset_page_style import Drawing, draw
@@ -121,7 +121,7 @@ def _facts(summary: Summary) -> str:
         (f"{summary['objects']:,}", "labelled boxes"),
         (f"{summary['objects_per_keyframe']['mean']:.1f}", "boxes a keyframe"),
         (f"{len({entry['condition'] for entry in summary['conditions']})}", "conditions"),
-        (" + ".join(str(len(channels[name])) for name in ("camera", "lidar", "radar")), "cameras, LiDARs, radars"),
+        (" + ".join(str(len(channels[name])) for name in MODALITIES), "cameras, LiDARs, radars"),
         (_figure(summary["readings"]["lidar_points"]["mean"]), "LiDAR points a sweep"),
         (_figure(summary["readings"]["radar_returns_per_scan"]["mean"]), "radar returns a scan"),
     ]

@@ -6,14 +6,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fusion_net.common.nuscenes_format import CLASSES
+from fusion_net.common.nuscenes_format import CLASSES, MODALITIES, VISIBILITY_LEVELS
 from fusion_net.reports.dataset_survey import Survey
 
 RANGES = (0, 10, 20, 30, 40, 50, 60)
 """Edges in metres of the rings in which objects are counted."""
 SPEEDS = (0.0, 0.5, 2.0, 5.0, 10.0, 15.0, 20.0, 30.0, 45.0)
 """Edges in m/s; slower than the second is at rest."""
-VISIBILITY = ("unknown", "0-40 %", "40-60 %", "60-80 %", "80-100 %")
+VISIBILITY = ("unknown", *(f"{level.removeprefix('v')} %" for level in VISIBILITY_LEVELS))
 
 Summary = dict[str, Any]
 
@@ -133,7 +133,7 @@ def beside_nuscenes(found: Survey) -> list[list[str]]:
     objects = found.objects
     near_cars = (objects.label == CLASSES.index("car")) & (objects.range < 50) & (objects.radar_points > 0)
     cars = spread(objects.radar_points[near_cars])
-    sensors = ", ".join(f"{len(found.channels[name])} {name}" for name in ("camera", "lidar", "radar"))
+    sensors = ", ".join(f"{len(found.channels[name])} {name}" for name in MODALITIES)
     width, height = found.image_size
     return [
         ["sensors", sensors, "6 camera, 1 lidar, 5 radar", "nuScenes paper"],

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from fusion_net.common.boxes import Boxes
 from fusion_net.common.geometry import invert, transform
-from fusion_net.common.nuscenes_format import CLASSES
+from fusion_net.common.nuscenes_format import CLASSES, MODALITIES
 from fusion_net.data.readable import refuse_missing_files
 from fusion_net.data.samples import SampleReader
 from fusion_net.nuscenes.nuscenes import NuScenes
@@ -76,7 +76,7 @@ def survey(samples: Sequence[tuple[NuScenes, str]], *, files: int) -> Survey:
     """Looks at the labels of all ``samples`` (tree, token) and at the files of at most ``files`` of them."""
     found = Survey()
     first = samples[0][0]
-    found.channels = {name: first.channels(name) for name in ("camera", "lidar", "radar")}
+    found.channels = {name: first.channels(name) for name in MODALITIES}
     opened = set(np.linspace(0, len(samples) - 1, files).round().astype(int).tolist())
     reader = SampleReader(cameras=found.channels["camera"][:1], lidar_sweeps=0, radar_sweeps=0, label_stride=None)
     refuse_missing_files([samples[row] for row in sorted(opened)], reader)

@@ -12,6 +12,7 @@ from nuscenes.eval.detection.constants import DETECTION_NAMES
 from nuscenes.eval.detection.utils import category_to_detection_name
 from nuscenes.utils.data_classes import Box, LidarPointCloud
 from nuscenes.utils.geometry_utils import points_in_box, transform_matrix, view_points
+from project import nuscenes_format
 from pyquaternion import Quaternion
 
 MARGIN = 0.1
@@ -30,13 +31,14 @@ def check_boxes(tree: NuScenes, samples: list[dict]) -> Iterator[Finding]:
 def _lidar(tree: NuScenes, samples: list[dict]) -> Iterator[Finding]:
     labelled, frozen, moved = 0, 0, 0
     for sample in samples:
-        record = tree.get("sample_data", sample["data"]["LIDAR_TOP"])
+        record = tree.get("sample_data", sample["data"][nuscenes_format.REFERENCE])
         path = os.path.join(tree.dataroot, record["filename"])
         points = global_T_sensor(tree, record) @ _homogeneous(LidarPointCloud.from_file(path).points[:3])
         times = _times(path, points.shape[1])
         for token in sample["anns"]:
             annotation = tree.get("sample_annotation", token)
-            count = annotation.get("num_lidar_echoes", annotation["num_lidar_pts"])  # its own, wherever they lie
+            own = nuscenes_format.LIDAR_ECHOES  # wherever they lie
+            count = annotation.get(own, annotation["num_lidar_pts"])
             box = _grown(tree.get_box(token))
             labelled += count
             frozen += min(count, int(points_in_box(box, points[:3]).sum()))
@@ -60,10 +62,11 @@ def _camera(tree: NuScenes, samples: list[dict]) -> Iterator[Finding]:
 def _covered(tree: NuScenes, sample: dict, token: str) -> tuple[int, int]:
     record = tree.get("sample_data", token)
     path = Path(tree.dataroot) / record["filename"]
-    if not path.with_suffix(".class.png").exists():
+    if not path.with_suffix(nuscenes_format.CLASS_SUFFIX).exists():
         return 0, 0
-    classes = cv2.imread(str(path.with_suffix(".class.png")), cv2.IMREAD_UNCHANGED)
-    depth = cv2.imread(str(path.with_suffix(".depth.png")), cv2.IMREAD_UNCHANGED) / 256
+    classes = cv2.imread(str(path.with_suffix(nuscenes_format.CLASS_SUFFIX)), cv2.IMREAD_UNCHANGED)
+    depth = cv2.imread(str(path.with_suffix(nuscenes_format.DEPTH_SUFFIX)), cv2.IMREAD_UNCHANGED)
+    depth = depth / nuscenes_format.DEPTH_SCALE
     late = 1e-6 * (record["timestamp"] - sample["timestamp"])
     camera_T_global = np.linalg.inv(global_T_sensor(tree, record))
     intrinsic = np.array(tree.get("calibrated_sensor", record["calibrated_sensor_token"])["camera_intrinsic"])
@@ -97,9 +100,9 @@ def _velocity(tree: NuScenes) -> Iterator[Finding]:
     errors: dict[str, list[float]] = {"centred": [], "one-sided": []}
     for row in tree.sample_annotation:
         found = tree.box_velocity(row["token"])[:2]
-        if "velocity" in row and np.isfinite(found).all():
+        if nuscenes_format.EXACT_VELOCITY in row and np.isfinite(found).all():
             kind = "centred" if row["prev"] and row["next"] else "one-sided"
-            errors[kind].append(float(np.hypot(*(found - row["velocity"]))))
+            errors[kind].append(float(np.hypot(*(found - row[nuscenes_format.EXACT_VELOCITY]))))
     for kind, limit in (("centred", 0.5), ("one-sided", 1.5)):
         values = np.array(errors[kind] or [0.0])
         text = f"velocity by {kind} differences: off the exact one"
@@ -118,12 +121,13 @@ def global_T_sensor(tree: NuScenes, record: dict) -> np.ndarray:
 
 def velocity_of(tree: NuScenes, annotation: dict) -> np.ndarray:
     """(2,) m/s: the exact one where there is one."""
-    return np.array(annotation.get("velocity") or np.nan_to_num(tree.box_velocity(annotation["token"])[:2]))
+    exact = annotation.get(nuscenes_format.EXACT_VELOCITY)
+    return np.array(exact or np.nan_to_num(tree.box_velocity(annotation["token"])[:2]))
 
 
 def _times(path: str, count: int) -> np.ndarray:
     """Seconds (P,) of the points relative to the sweep's stamp, from the side file; 0 where there is none."""
-    side_file = path.removesuffix(".pcd.bin") + ".time.npy"
+    side_file = path.removesuffix(nuscenes_format.FILE_SUFFIX["lidar"]) + nuscenes_format.TIME_SUFFIX
     return np.load(side_file) if os.path.exists(side_file) else np.zeros(count)
 
 

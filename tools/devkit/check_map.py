@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 from findings import Finding, share
 from nuscenes import NuScenes
+from project import nuscenes_format
 
 MOVING = 1.0
 """m/s from which a vehicle drives."""
@@ -16,7 +17,7 @@ def check_map(tree: NuScenes) -> Iterator[Finding]:
     for scene in tree.scene:
         mask = tree.get("map", tree.get("log", scene["log_token"])["map_token"])["mask"]
         samples = [tree.get("sample", token) for token in tree.field2token("sample", "scene_token", scene["token"])]
-        poses = [tree.get("ego_pose", sample["data"]["LIDAR_TOP"])["translation"] for sample in samples]
+        poses = [tree.get("ego_pose", sample["data"][nuscenes_format.REFERENCE])["translation"] for sample in samples]
         rows = [tree.get("sample_annotation", token) for sample in samples for token in sample["anns"]]
         driving = [row["translation"] for row in rows if _drives(tree, row)]
         for count, places in ((ego, poses), (cars, driving)):
@@ -30,6 +31,6 @@ def check_map(tree: NuScenes) -> Iterator[Finding]:
 
 
 def _drives(tree: NuScenes, row: dict) -> bool:
-    velocity = row.get("velocity") or tree.box_velocity(row["token"])[:2]
+    velocity = row.get(nuscenes_format.EXACT_VELOCITY) or tree.box_velocity(row["token"])[:2]
     cycle = row["category_name"] == "vehicle.bicycle"  # these may ride on the pavement
     return row["category_name"].startswith("vehicle.") and not cycle and float(np.hypot(*velocity)) > MOVING

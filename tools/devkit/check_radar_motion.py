@@ -8,6 +8,7 @@ import numpy as np
 from ego_path import EgoPath
 from findings import Finding, none_of
 from nuscenes import NuScenes
+from project import nuscenes_format
 from pyquaternion import Quaternion
 from radar_scans import ALL_AGES, ALL_RADARS, Scan, by_case
 
@@ -45,10 +46,11 @@ def check_mounts(tree: NuScenes) -> Iterator[Finding]:
 
 def check_radar_motion(tree: NuScenes, scans: list[Scan]) -> Iterator[Finding]:
     """Records, poses, own velocity and field of view of ``scans``, by radar and age."""
+    suffix = nuscenes_format.FILE_SUFFIX["radar"]
     wrong = [
         f"{scan.channel}, {scan.age}: {scan.record['filename']}" for scan in scans
         if scan.record["channel"] not in scan.record["filename"].split("/")
-        or not scan.record["filename"].endswith(f"__{scan.channel}__{scan.record['timestamp']}.pcd")
+        or not scan.record["filename"].endswith(f"__{scan.channel}__{scan.record['timestamp']}{suffix}")
     ]  # fmt: skip
     yield none_of("radar files: named after their channel and time", wrong, len(scans))
     wrong = [

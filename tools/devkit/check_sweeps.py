@@ -8,6 +8,9 @@ from findings import Finding, share
 from nuscenes import NuScenes
 from nuscenes.utils.data_classes import LidarPointCloud, RadarPointCloud
 from nuscenes.utils.geometry_utils import points_in_box
+from project import nuscenes_format
+
+REFERENCE = nuscenes_format.REFERENCE
 
 STILL = 0.05
 """m/s of an object at rest."""
@@ -15,7 +18,7 @@ STILL = 0.05
 
 def check_sweeps(tree: NuScenes, samples: list[dict]) -> Iterator[Finding]:
     """Points of the keyframe before, carried by the devkit into this one's frame, still lie in the boxes of what stands."""
-    back, inside, of = _sweeps_between(tree, "LIDAR_TOP"), 0, 0
+    back, inside, of = _sweeps_between(tree, REFERENCE), 0, 0
     for sample in samples:
         if sample["prev"]:
             found, labelled = _carried(tree, sample, back)
@@ -34,10 +37,10 @@ def _sweeps_between(tree: NuScenes, channel: str) -> int:
 
 
 def _carried(tree: NuScenes, sample: dict, back: int) -> tuple[int, int]:
-    record = tree.get("sample_data", sample["data"]["LIDAR_TOP"])
-    cloud, ages = LidarPointCloud.from_file_multisweep(tree, sample, "LIDAR_TOP", "LIDAR_TOP", nsweeps=back + 1)
+    record = tree.get("sample_data", sample["data"][REFERENCE])
+    cloud, ages = LidarPointCloud.from_file_multisweep(tree, sample, REFERENCE, REFERENCE, nsweeps=back + 1)
     before = tree.get("sample", sample["prev"])
-    age = 1e-6 * (record["timestamp"] - tree.get("sample_data", before["data"]["LIDAR_TOP"])["timestamp"])
+    age = 1e-6 * (record["timestamp"] - tree.get("sample_data", before["data"][REFERENCE])["timestamp"])
     cloud.transform(global_T_sensor(tree, record))
     points = cloud.points[:3, np.abs(ages[0] - age) < 1e-3]
     now = {row["instance_token"]: row for row in (tree.get("sample_annotation", token) for token in sample["anns"])}
@@ -48,7 +51,7 @@ def _carried(tree: NuScenes, sample: dict, back: int) -> tuple[int, int]:
         if again and np.linalg.norm(np.subtract(again["translation"], row["translation"])) < STILL * age:
             box = tree.get_box(again["token"])
             box.wlh = box.wlh + 2 * MARGIN
-            count = row.get("num_lidar_echoes", row["num_lidar_pts"])
+            count = row.get(nuscenes_format.LIDAR_ECHOES, row["num_lidar_pts"])
             of += count
             inside += min(count, int(points_in_box(box, points).sum()))
     return inside, of
@@ -59,7 +62,7 @@ def _radar(tree: NuScenes, samples: list[dict]) -> Iterator[Finding]:
     points, ages = 0, [0.0]
     for sample in samples:
         for channel in (c for c in sample["data"] if c.startswith("RADAR")):
-            cloud, times = RadarPointCloud.from_file_multisweep(tree, sample, channel, "LIDAR_TOP", nsweeps=3)
+            cloud, times = RadarPointCloud.from_file_multisweep(tree, sample, channel, REFERENCE, nsweeps=3)
             points += cloud.nbr_points()
             ages += times[0, :1].tolist() + times[0, -1:].tolist()
     yield Finding("radar returns a keyframe, all units, three scans", points / len(samples), ">=", 1, points)

@@ -7,6 +7,7 @@ import numpy as np
 from findings import Finding, none_of
 from nuscenes import NuScenes
 from PIL import Image
+from project import nuscenes_format
 
 CHAINS = {
     "sample": "samples of a scene",
@@ -53,7 +54,8 @@ def _scenes(tree: NuScenes) -> Iterator[Finding]:
             wrong.append(scene["name"])
     yield none_of("scenes: as many samples as they say, the last one last", wrong, len(tree.scene))
     late = [
-        abs(tree.get("sample_data", sample["data"]["LIDAR_TOP"])["timestamp"] - sample["timestamp"]) * 1e-3
+        abs(tree.get("sample_data", sample["data"][nuscenes_format.REFERENCE])["timestamp"] - sample["timestamp"])
+        * 1e-3
         for sample in tree.sample
     ]
     yield Finding("samples: from the stamp to that of LIDAR_TOP", max(late), "<=", 50, len(late), "ms")

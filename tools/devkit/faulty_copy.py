@@ -7,12 +7,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from project import nuscenes_format
 
-RADAR_DTYPE = np.dtype(
-    [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("dyn_prop", "i1"), ("id", "<i2"), ("rcs", "<f4"), ("vx", "<f4"),
-     ("vy", "<f4"), ("vx_comp", "<f4"), ("vy_comp", "<f4"), ("rest", "i1", 8)]
-)  # fmt: skip
-"""nuScenes' 18 columns; the last eight of a byte each are left alone."""
+RADAR_DTYPE = np.dtype([(name, f"<{kind.lower()}{size}") for name, kind, size in nuscenes_format.RADAR_FIELDS])
 DATA = b"DATA binary\n"
 
 
@@ -27,7 +24,7 @@ class FaultyCopy:
     def __init__(self, tree: Path, root: Path) -> None:
         shutil.copytree(tree, root, copy_function=os.link)
         self.root = root
-        (self._tables,) = root.glob("v1.0-*")
+        (self._tables,) = root.glob(f"{nuscenes_format.VERSION_PREFIX}*")
 
     def rows(self, table: str) -> list[dict]:
         """All rows of a table."""

@@ -8,6 +8,7 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 from nuscenes import NuScenes
+from project import nuscenes_format
 
 AXES_LIMIT = 40.0
 """Metres that the views from above reach."""
@@ -21,13 +22,13 @@ def draw(tree: NuScenes, sample: dict, out: Path) -> Iterator[Path]:
     yield _cameras(tree, sample, cameras, out / "cameras.jpg")
     yield _points(tree, sample, cameras, out / "points.jpg")
     figure, axes = plt.subplots(1, 2, figsize=(11, 5.6), dpi=110, layout="constrained")
-    for axis, channels, sweeps in zip(axes, (["LIDAR_TOP"], radars), (1, 3), strict=True):
+    for axis, channels, sweeps in zip(axes, ([nuscenes_format.REFERENCE], radars), (1, 3), strict=True):
         for channel in channels:
             tree.render_sample_data(
                 sample["data"][channel], axes_limit=AXES_LIMIT, ax=axis, nsweeps=sweeps,
                 underlay_map=channel == channels[0], verbose=False,
             )  # fmt: skip
-        axis.set_title("LIDAR_TOP" if sweeps == 1 else f"{len(channels)} radars, {sweeps} scans of each", fontsize=8)
+        axis.set_title(channels[0] if sweeps == 1 else f"{len(channels)} radars, {sweeps} scans of each", fontsize=8)
         axis.axis("off")
     yield _save(figure, out / "above.jpg")
     scene = tree.get("scene", sample["scene_token"])
@@ -50,7 +51,7 @@ def _points(tree: NuScenes, sample: dict, channels: list[str], path: Path) -> Pa
         tree.explorer.render_pointcloud_in_image(
             sample["token"], dot_size=1, camera_channel=channel, ax=axis, verbose=False
         )
-        axis.set_title(f"LIDAR_TOP in {channel}", fontsize=8)
+        axis.set_title(f"{nuscenes_format.REFERENCE} in {channel}", fontsize=8)
     return _save(figure, path)
 
 

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from nuscenes import NuScenes
+from project import nuscenes_format
 
 
 def open_tree(root: Path, *, verbose: bool = False) -> NuScenes:
@@ -12,7 +13,8 @@ def open_tree(root: Path, *, verbose: bool = False) -> NuScenes:
 
 def version_of(root: Path) -> str:
     """Name of the one version folder of a tree."""
-    found = sorted(path.name for path in root.glob("v1.0-*") if path.is_dir())
+    found = sorted(path.name for path in root.glob(f"{nuscenes_format.VERSION_PREFIX}*") if path.is_dir())
     if len(found) != 1:
-        raise SystemExit(f"error: {root} needs one folder v1.0-* and has {', '.join(found) or 'none'}")
+        wanted = f"one folder {nuscenes_format.VERSION_PREFIX}*"
+        raise SystemExit(f"error: {root} needs {wanted} and has {', '.join(found) or 'none'}")
     return found[0]

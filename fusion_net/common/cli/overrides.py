@@ -25,8 +25,11 @@ COMMANDS = {
     "train": "train.py",
     "eval": "eval.py",
     "data_gen": "python -m data_gen",
+    "asset_sheet": "python -m data_gen.pictures.asset_sheet",
     "contact_sheet": "python -m data_gen.pictures.contact_sheet",
     "rig_preview": "python -m data_gen.pictures.rig_preview",
+    "statistics": "python -m fusion_net.reports.statistics",
+    "lidar_check": "python -m fusion_net.viz.lidar_check",
 }
 """The command of each file in ``configs/``."""
 

@@ -5,6 +5,7 @@ import pytest
 from beartype import beartype
 
 from fusion_net.common.cli.command import CONFIGS, UserError, build, check_overrides, one_line
+from fusion_net.common.cli.overrides import COMMANDS
 
 
 @pytest.mark.parametrize(
@@ -260,3 +261,8 @@ def test_a_mistake_in_a_file_of_ones_own_is_named(own, file, text, answer):
     chosen = "+sweep=bad" if file.startswith("sweep") else "experiment=bad"
     with pytest.raises(UserError, match=re.escape(answer)):
         check_overrides("train", [chosen, "--config-dir", str(own)])
+
+
+def test_every_file_of_settings_has_its_command():
+    """Messages name the command that a setting belongs to."""
+    assert {path.stem for path in CONFIGS.glob("*.yaml")} == set(COMMANDS)

@@ -13,8 +13,8 @@ from fusion_net.data.samples import SampleReader
 from fusion_net.evaluate import load_run
 from fusion_net.fit import fit
 from fusion_net.nuscenes.nuscenes import NuScenes
-from fusion_net.reports.statistics import main as statistics
-from fusion_net.viz.lidar_check import main as lidar_check
+from fusion_net.reports.statistics import write_statistics
+from fusion_net.viz.lidar_check import write_check
 from tests.fixtures.training_setup import settings, write_data
 
 GRID = BEVGrid(0.0, 32.0, -12.8, 16.0, 0.8)
@@ -96,8 +96,8 @@ def test_every_command_refuses_them(root, tmp_path, monkeypatch):
     for command in (
         lambda: fit(settings(root, "name=other")),
         lambda: load_run(run),
-        lambda: statistics([str(root), f"out={tmp_path}"]),
-        lambda: lidar_check([str(root), f"out={tmp_path / 'check.png'}"]),
+        lambda: write_statistics(str(root), out=str(tmp_path)),
+        lambda: write_check(str(root), out=str(tmp_path / "check.png")),
     ):
         with pytest.raises(ValueError, match=r"none of \d+ lidar files exists.*samples/"):
             command()

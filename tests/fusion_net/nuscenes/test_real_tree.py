@@ -12,11 +12,11 @@ from fusion_net.data.cameras import fit_image
 from fusion_net.data.samples import SampleReader
 from fusion_net.evaluate import evaluate_run
 from fusion_net.fit import fit
-from fusion_net.nuscenes.datasets import open_trees, split_of
+from fusion_net.nuscenes.datasets import open_datasets, split_of
 from fusion_net.nuscenes.nuscenes import NuScenes
 from fusion_net.nuscenes.splits import OFFICIAL, official_splits
-from fusion_net.reports.statistics import main as statistics
-from fusion_net.viz.lidar_check import main as lidar_check
+from fusion_net.reports.statistics import write_statistics
+from fusion_net.viz.lidar_check import write_check
 from tests.fixtures.real_tree import SCENES, edit, write_real_tree
 from tests.fixtures.tiny_tree import write_tree
 from tests.fixtures.training_setup import settings
@@ -99,7 +99,7 @@ def test_of_two_versions_one_is_chosen_and_not_guessed(own):
 def test_a_version_chooses_in_a_list_only_where_there_are_several(own, tmp_path):
     shutil.copytree(own / "v1.0-mini", own / "v1.0-trainval")
     other = write_tree(tmp_path / "other", scenes=1, keyframes=1)
-    found = open_trees([str(own), str(other)], "v1.0-trainval")
+    found = open_datasets([str(own), str(other)], "v1.0-trainval")
     assert [tree.folder.name for tree in found] == ["v1.0-trainval", "v1.0-tiny"]
 
 
@@ -195,8 +195,8 @@ def test_files_of_sensors_without_an_encoder_are_not_needed(own, tmp_path, monke
 
 def test_the_overlay_and_the_statistics_take_a_version(own, tmp_path):
     shutil.copytree(own / "v1.0-mini", own / "v1.0-trainval")
-    lidar_check([str(own), "version=v1.0-mini", "split=val", f"out={tmp_path / 'check.png'}"])
-    statistics([str(own), "version=v1.0-mini", "split=train", f"out={tmp_path}"])
+    write_check(str(own), version="v1.0-mini", split="val", out=str(tmp_path / "check.png"))
+    write_statistics(str(own), version="v1.0-mini", split="train", out=str(tmp_path))
     assert json.loads((tmp_path / "statistics.json").read_bytes())["image_size"] == [160, 90]
 
 
@@ -226,4 +226,4 @@ def test_what_was_not_generated_is_extracted_again(own):
 
 def test_the_same_version_twice_is_the_same_data(own):
     with pytest.raises(ValueError, match=r"hold the same samples, of scene-0061: leave one out$"):
-        split_of(open_trees([str(own), str(own)]), "train")
+        split_of(open_datasets([str(own), str(own)]), "train")

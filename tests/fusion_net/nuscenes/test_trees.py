@@ -5,7 +5,7 @@ import pytest
 
 from fusion_net.common.bev_grid import BEVGrid
 from fusion_net.data.datamodule import NuScenesDataset
-from fusion_net.nuscenes.datasets import open_trees, split_of
+from fusion_net.nuscenes.datasets import open_datasets, split_of
 from fusion_net.nuscenes.nuscenes import NuScenes
 from tests.fixtures.real_tree import edit
 from tests.fixtures.tiny_tree import write_tree
@@ -39,7 +39,7 @@ def shards(whole, tmp_path):
 
 
 def tokens(root, split):
-    return [token for _, token in split_of(open_trees(root), split)]
+    return [token for _, token in split_of(open_datasets(root), split)]
 
 
 def test_a_folder_of_shards_and_a_list_of_them_read_as_the_whole(whole, shards, capsys):
@@ -61,11 +61,11 @@ def test_missing_shards_are_named_once(shards, capsys):
 def test_shards_that_do_not_belong_together_are_refused(whole, shards):
     other = cut(whole, shards / "shard-1-of-4", SCENES[:1])
     with pytest.raises(ValueError, match="holds shards of 3 and of 4"):
-        open_trees(str(shards))
+        open_datasets(str(shards))
     shutil.rmtree(other)
     (shards / "shard-2-of-3/manifest.json").write_text(json.dumps({"hash": "b" * 64}))
     with pytest.raises(ValueError, match=r"shard-1-of-3 and .*shard-2-of-3 were generated with other settings"):
-        open_trees(str(shards))
+        open_datasets(str(shards))
 
 
 def test_a_half_generated_shard_names_the_command(shards):
@@ -73,12 +73,12 @@ def test_a_half_generated_shard_names_the_command(shards):
     manifest = {"hash": "a" * 64, "complete": False, "shard": {"number": 3, "count": 3}, "command": command}
     (shards / "shard-3-of-3/manifest.json").write_text(json.dumps(manifest))
     with pytest.raises(ValueError, match=rf"shard-3-of-3 is half generated.*: {command} data.root={shards}$"):
-        open_trees(str(shards))
+        open_datasets(str(shards))
 
 
 def test_the_same_scene_twice_is_refused(whole, shards):
     with pytest.raises(ValueError, match="hold the same samples, of scene-0000: leave one out"):
-        split_of(open_trees([str(whole), str(shards)]), "train")
+        split_of(open_datasets([str(whole), str(shards)]), "train")
 
 
 def test_several_trees_follow_each_other_and_one_may_lack_the_split(tmp_path):
@@ -112,4 +112,4 @@ def test_images_that_no_batch_can_hold_are_refused(tmp_path):
 
 def test_no_folder_at_all_is_refused():
     with pytest.raises(ValueError, match="names no folder"):
-        open_trees([])
+        open_datasets([])

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from fusion_net.common.geometry import transform
-from fusion_net.nuscenes.datasets import open_trees, split_of
+from fusion_net.nuscenes.datasets import open_datasets, split_of
 from fusion_net.reports.dataset_summary import spread, summarize
 from fusion_net.reports.dataset_survey import survey
-from fusion_net.reports.statistics import main
+from fusion_net.reports.statistics import write_statistics
 from tests.fixtures.tiny_tree import ego_pose, write_tree
 
 
@@ -47,7 +47,7 @@ def root(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def found(root):
-    return survey(split_of(open_trees(str(root)), "all"), files=300)
+    return survey(split_of(open_datasets(str(root)), "all"), files=300)
 
 
 def test_every_box_is_counted_in_its_class_ring_and_condition(found):
@@ -75,7 +75,7 @@ def test_every_box_is_counted_in_its_class_ring_and_condition(found):
 def test_files_are_opened_in_as_many_keyframes_as_asked_for(root, found):
     assert len(found.readings) == 6
     assert found.image_size == (80, 48)
-    assert len(survey(split_of(open_trees(str(root)), "all"), files=2).readings) == 2
+    assert len(survey(split_of(open_datasets(str(root)), "all"), files=2).readings) == 2
     reading = found.readings[0]
     assert reading.radar_returns == [61, 61]  # the landmarks and the mover, each unit
     assert set(reading.rcs.tolist()) == {10.0}
@@ -83,7 +83,7 @@ def test_files_are_opened_in_as_many_keyframes_as_asked_for(root, found):
 
 
 def test_the_page_stands_alone_and_the_figures_are_json(root, tmp_path, capsys):
-    main([str(root), f"out={tmp_path}", "samples=3"])
+    write_statistics(str(root), out=str(tmp_path), samples=3)
     assert "3 scenes, 6 keyframes, 12 objects" in capsys.readouterr().out
     page = (tmp_path / "statistics.html").read_text()
     sources = re.findall(r'src="([^"]{5})', page)
@@ -95,26 +95,24 @@ def test_the_page_stands_alone_and_the_figures_are_json(root, tmp_path, capsys):
 
 def test_a_real_tree_that_states_no_condition_has_a_page_too(tmp_path):
     root = write_tree(tmp_path / "real", scenes=1, keyframes=1)
-    main([str(root), f"out={tmp_path}"])
+    write_statistics(str(root), out=str(tmp_path))
     summary = json.loads((tmp_path / "statistics.json").read_text())
     assert summary["objects"] == 0
     assert summary["conditions"][0]["condition"] == "not stated"
 
 
 @pytest.mark.parametrize(
-    ("arguments", "message"),
+    ("options", "message"),
     [
-        ([], "usage"),
-        (["tree", "sample=3"], "unknown sample="),
-        (["tree", "samples=none"], "samples=none is not a number"),
-        (["tree"], "no data in tree"),
-        (["ROOT", "split=vall"], "no split 'vall'"),
+        ({"samples": 0}, "samples=0 is not a number of keyframes"),
+        ({"root": "nowhere"}, "no data in nowhere"),
+        ({"split": "vall"}, "no split 'vall'"),
     ],
 )
-def test_mistakes_are_named(root, arguments, message, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def test_mistakes_are_named(root, options, message, tmp_path):
     with pytest.raises(ValueError, match=message):
-        main([str(root) if argument == "ROOT" else argument for argument in arguments])
+        write_statistics(**{"root": str(root), "out": str(tmp_path / "page")} | options)
+    assert not (tmp_path / "page").exists()
 
 
 def test_a_spread_of_nothing_is_null():

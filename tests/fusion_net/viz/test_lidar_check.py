@@ -5,7 +5,7 @@ import pytest
 from fusion_net.common.bev_grid import BEVGrid
 from fusion_net.common.boxes import Boxes
 from fusion_net.common.drawing import BEVPanel, boxes_on_image, dots, points_on_image
-from fusion_net.viz.lidar_check import main
+from fusion_net.viz.lidar_check import write_check
 from tests.fixtures.tiny_tree import write_tree
 
 CAM_K = np.array([[50.0, 0, 40], [0, 50, 30], [0, 0, 1]])
@@ -65,29 +65,26 @@ def test_dots_at_the_edge_are_cut():
     assert (image[..., 1] > 0).sum() == 8
 
 
-def test_the_command_writes_a_picture_and_names_mistakes(tmp_path, capsys):
+def test_the_sheet_is_written_and_mistakes_are_named(tmp_path, capsys):
     root = str(write_tree(tmp_path / "tree", scenes=2, keyframes=1))
-    out = tmp_path / "sub" / "check.png"
-    main([root, "sample=1", f"out={out}"])
+    out = write_check(root, sample=1, out=str(tmp_path / "sub" / "check.png"))
     assert cv2.imread(str(out)).std() > 10
     assert "sample 1 of 2, scene scene-0001" in capsys.readouterr().out
-    for arguments, message in (
-        ([root, "sample=2"], "samples 0 to 1"),
-        ([root, "smple=1"], "unknown smple="),
-        ([], "usage"),
-        ([root, "out=picture"], "end it with .png"),
-        ([root, "split=test"], "no split 'test'"),
-        ([root, "error_deg=much"], "error_deg=much is no angle"),
-        ([root, "error_deg=90"], "within 45 degrees"),
-        ([root, "follow=maybe"], "follow=yes or follow=no"),
+    for options, message in (
+        ({"sample": 2}, "samples 0 to 1"),
+        ({"sample": -1}, "samples 0 to 1"),
+        ({"out": str(tmp_path / "picture")}, "end it with .png"),
+        ({"split": "test"}, "no split 'test'"),
+        ({"error_deg": 90.0}, "within 45 degrees"),
+        ({"error_deg": float("nan")}, "within 45 degrees"),
     ):
         with pytest.raises(ValueError, match=message):
-            main(arguments)
+            write_check(root, **{"out": str(tmp_path / "never.png")} | options)
+    assert not (tmp_path / "never.png").exists()
 
 
 def test_an_error_adds_a_picture_to_every_camera(tmp_path):
     root = str(write_tree(tmp_path / "tree", scenes=1, keyframes=1))
-    plain, off = tmp_path / "plain.png", tmp_path / "off.png"
-    main([root, f"out={plain}"])
-    main([root, f"out={off}", "error_deg=0.5"])
+    plain = write_check(root, out=str(tmp_path / "plain.png"))
+    off = write_check(root, out=str(tmp_path / "off.png"), error_deg=0.5)
     assert cv2.imread(str(off)).shape[0] == cv2.imread(str(plain)).shape[0] * 3 // 2

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from data_gen.episode import Scenario
 from data_gen.pictures.sheet import Captured, Image, data_of, short_scene, single_condition, write_sheet
 from data_gen.recording.capture import capture
 from data_gen.recording.schedule import keyframe_times
@@ -25,7 +26,9 @@ FAR = 15.0
 """Metres from which LiDAR points are few and drawn larger."""
 
 
-def draw_sensors(path: Path, rig: Rig, mix: ConditionMix, *, layout: str, severity: int, seed: int) -> None:
+def draw_sensors(
+    path: Path, rig: Rig, scenario: Scenario, mix: ConditionMix, *, layout: str, severity: int, seed: int
+) -> None:
     """Writes a row per condition: the first camera, the LiDAR and the radars from above, objects outlined, the car on the
     left looking right. LiDAR points are coloured by intensity, radar returns by whether they move, with half a second of their
     radial velocity."""
@@ -33,7 +36,7 @@ def draw_sensors(path: Path, rig: Rig, mix: ConditionMix, *, layout: str, severi
         raise ValueError(f"rig '{rig.name}' lacks a camera, a LiDAR or a radar, and this sheet shows all three")
     rows, names = [], []
     for name in mix.weights:
-        scene = short_scene(rig, layout, single_condition(mix, name, severity), seed)
+        scene = short_scene(rig, layout, scenario, single_condition(mix, name, severity), seed)
         captured = [pair for pair in capture(scene, rig, keyframes=1, seed=seed) if pair[0].is_keyframe]
         time = float(keyframe_times(rig, 1)[0])
         boxes = _boxes(scene, time)

@@ -10,14 +10,19 @@ from hypothesis import strategies as st
 from data_gen.recording.record import record_scene
 from data_gen.recording.schedule import keyframe_times
 from data_gen.recording.tokens import token
-from data_gen.rig.rig import Lidar, Rig
+from data_gen.rig.mounts import Lidar
+from data_gen.rig.rig import Rig
 from data_gen.road.track import Track
 from data_gen.scene.scene import STANDSTILL, Actor
 from tests.fixtures.box_world import at, car, scene
+from tests.fixtures.lidar_models import HDL32E
 
 KEYFRAMES = 5
 RIG = Rig(
-    name="one", cameras={}, radars={}, lidars={"LIDAR_TOP": Lidar(translation=[0.9, 0.0, 1.8], rate=10.0, columns=360)}
+    name="one",
+    cameras={},
+    radars={},
+    lidars={"LIDAR_TOP": Lidar(translation=[0.9, 0.0, 1.8], rate=10.0, columns=360, model=HDL32E)},
 )
 
 

@@ -125,7 +125,7 @@ def after(fired, start, end):
 
 @given(clocks(), st.integers(0, 1000))
 def test_no_firing_is_lost_or_written_twice(clocks, seed):
-    lidars = {"LIDAR_TOP": Lidar(translation=[0.9, 0.0, 1.8], columns=180, **clocks.pop("lidar"))}
+    lidars = {"LIDAR_TOP": Lidar(model=HDL32E, translation=[0.9, 0.0, 1.8], columns=180, **clocks.pop("lidar"))}
     radars = {"RADAR_FRONT": Radar(translation=[3.4, 0.0, 0.5], **clocks.pop("radar"))}
     try:
         rig = Rig(name="any", cameras={}, lidars=lidars, radars=radars, **clocks)

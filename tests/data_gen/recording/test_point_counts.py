@@ -6,7 +6,8 @@ import pytest
 from data_gen.assets.shapes.mesh import Asset
 from data_gen.recording import tables
 from data_gen.recording.record import record_scene
-from data_gen.rig.rig import Lidar, Radar, Rig
+from data_gen.rig.mounts import Lidar, Radar
+from data_gen.rig.rig import Rig
 from fusion_net.common.atomic import write_json
 from fusion_net.common.fault_effects import Clock, Dead, LostPoints, Mismount, Stale
 from fusion_net.common.faults import Fault, FaultPlan
@@ -15,6 +16,7 @@ from fusion_net.common.nuscenes_format import CLASSES
 from fusion_net.nuscenes.nuscenes import NuScenes
 from fusion_net.nuscenes.sensor_files import read_lidar, read_radar
 from tests.fixtures.box_world import at, box, path, reflectors, scene
+from tests.fixtures.lidar_models import HDL32E
 
 KEYFRAMES = 3
 RIG = Rig(
@@ -23,7 +25,8 @@ RIG = Rig(
     cameras={},
     lidars={
         "LIDAR_TOP": Lidar(
-            translation=[0.9, 0.1, 1.8], rotation_deg=[1.4, -0.6, 3.0], rate=10.0, phase=0.03, columns=1085, cut_deg=30.0
+            translation=[0.9, 0.1, 1.8], rotation_deg=[1.4, -0.6, 3.0], rate=10.0, phase=0.03, columns=1085, cut_deg=30.0,
+            model=HDL32E,
         )
     },
     radars={

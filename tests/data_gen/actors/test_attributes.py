@@ -22,7 +22,7 @@ RIG = Rig(
     name="one",
     cameras={},
     radars={},
-    lidars={"LIDAR_TOP": Lidar(model=HDL32E, translation=[0.9, 0.0, 1.8], rate=10.0, columns=360)},
+    lidars={"LIDAR_TOP": Lidar(translation=[0.9, 0.0, 1.8], rate=10.0, columns=360, model=HDL32E)},
 )
 
 

@@ -25,8 +25,8 @@ RIG = Rig(
     cameras={},
     lidars={
         "LIDAR_TOP": Lidar(
-            model=HDL32E, translation=[0.9, 0.1, 1.8], rotation_deg=[1.4, -0.6, 3.0], rate=10.0, phase=0.03,
-            columns=1085, cut_deg=30.0,
+            translation=[0.9, 0.1, 1.8], rotation_deg=[1.4, -0.6, 3.0], rate=10.0, phase=0.03, columns=1085, cut_deg=30.0,
+            model=HDL32E,
         )
     },
     radars={

@@ -7,6 +7,7 @@ import pytest
 from data_gen.assets.shapes.mesh import Asset
 from data_gen.rig.mounts import Radar
 from data_gen.scene.scene import NOTHING, WORLD
+from data_gen.sensors.common.event import CaptureEvent
 from data_gen.sensors.radar.detection import DIRECT, UNDERBODY, link_budget_db
 from data_gen.sensors.radar.echoes import (
     OBLIQUE_DB,

@@ -38,17 +38,17 @@ def load_run(
     """A trained model in evaluation mode, the samples of a split, spoiled by ``fault``, and the settings it was trained
     with. ``split``, ``root`` and ``version`` are those that the run validated on where they are None."""
     cfg = load_config(folder)
-    reader = cfg.reader.val.copy()
+    settings = cfg.dataset.val.copy()
     own_version = cfg.data.get("version")
     is_own_data = (root is None or is_same_data(root, cfg.data.root)) and version in (None, own_version)
-    reader.root, reader.cache = cfg.data.root if root is None else root, False
-    reader.version = own_version if is_own_data else version
-    reader.split = split or reader.split
+    settings.root, settings.cache = cfg.data.root if root is None else root, False
+    settings.version = own_version if is_own_data else version
+    settings.split = split or settings.split
     if fault is not None:
-        reader.faults = fault
+        settings.faults = fault
     model = build(cfg.model, "model")
     load_weights(model, folder / "checkpoints" / f"{checkpoint}.ckpt")
-    dataset = build(reader, "reader")
+    dataset = build(settings, "dataset")
     if is_own_data:
         refuse_other_data(folder, dataset.fingerprint)
     return model.eval(), dataset, cfg
@@ -69,7 +69,7 @@ def evaluate_run(cfg: DictConfig) -> None:
         version=cfg.data.version,
         fault=cfg.fault,
     )
-    own_split, own_root = trained.reader.val.split, trained.data.root
+    own_split, own_root = trained.dataset.val.split, trained.data.root
     split, root = cfg.split or own_split, cfg.data.root or own_root
     target = result_folder(
         folder,

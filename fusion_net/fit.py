@@ -36,8 +36,8 @@ def fit(cfg: DictConfig) -> Path:
     for name in ("batch_size", "validate_every", "save_every"):
         if settings[name] < 1:
             raise ValueError(f"trainer.{name}={settings[name]} must be at least 1")
-    if settings.workers < 0:
-        raise ValueError(f"trainer.workers={settings.workers} is not a number of processes; 0 reads in this one")
+    if cfg.dataset.workers < 0:
+        raise ValueError(f"dataset.workers={cfg.dataset.workers} is not a number of processes; 0 reads in this one")
     model = build(cfg.model, "model")
     train_set, val_set = _datasets(cfg)
     plan = _plan(cfg)
@@ -56,7 +56,10 @@ def fit(cfg: DictConfig) -> Path:
     sampler = StepSampler(
         len(train_set), batch_size=settings.batch_size, steps=plan.total_steps, first=first_step, seed=train_set.seed
     )
-    batches, val_batches = train_loader(train_set, sampler, settings.workers), make_loader(val_set, settings.batch_size)
+    batches, val_batches = (
+        train_loader(train_set, sampler, cfg.dataset.workers),
+        make_loader(val_set, settings.batch_size),
+    )
     trainer = _trainer(cfg, plan, folder, val_set, val_batches, first_step)
     with autocast(settings.precision):
         _try(model, train_set.collate([train_set[key] for key in sampler.keys(0)]), next(iter(val_batches)))
@@ -71,7 +74,7 @@ def fit(cfg: DictConfig) -> Path:
         if "DataLoader worker" not in str(error):
             raise
         raise ChildProcessError(
-            f"a loader process died ({error}); add resume=true to the same command to go on, with fewer trainer.workers"
+            f"a loader process died ({error}); add resume=true to the same command to go on, with fewer dataset.workers"
             " if memory ran out"
         ) from error
     mark_finished(folder)
@@ -80,10 +83,10 @@ def fit(cfg: DictConfig) -> Path:
 
 def _datasets(cfg: DictConfig) -> tuple[NuScenesDataset, NuScenesDataset]:
     """Training and validation samples. ValueError when there is nothing to learn from."""
-    train_set: NuScenesDataset = build(cfg.reader.train, "reader.train")
-    reader, settings = cfg.reader, cfg.trainer
-    same = (reader.val.root, reader.val.version) == (reader.train.root, reader.train.version)
-    val_set: NuScenesDataset = build(reader.val, "reader.val", trees=train_set.trees if same else None)
+    train_set: NuScenesDataset = build(cfg.dataset.train, "dataset.train")
+    train, val, settings = cfg.dataset.train, cfg.dataset.val, cfg.trainer
+    same = (val.root, val.version) == (train.root, train.version)
+    val_set: NuScenesDataset = build(val, "dataset.val", trees=train_set.trees if same else None)
     if len(train_set) < settings.batch_size:
         raise ValueError(
             f"{cfg.data.root} has {len(train_set)} training samples, fewer than trainer.batch_size={settings.batch_size};"

@@ -118,7 +118,7 @@ MISTAKES = [
     (TRAIN, "-m --cfg job", "Only one of"),
     (TRAIN, "-m seed=1,2", "all jobs of this sweep would be runs/nano"),
     (TRAIN, "seed=-1", "seed=-1 is not within 0"),
-    (TRAIN, "trainer.workers=-1", "trainer.workers=-1 is not a number of processes"),
+    (TRAIN, "dataset.workers=-1", "dataset.workers=-1 is not a number of processes"),
     (TRAIN, "encoders=[camera,camera]", "'camera' is there twice"),
     (TRAIN, "grid.cell=0", "cell=0.0 must be above 0"),
     (TRAIN, f"data.root={'x' * 300}", "File name too long"),
@@ -218,7 +218,7 @@ def unbroken(data, tmp_path_factory):
 )
 @pytest.mark.parametrize("workers", [0, 1])
 def test_a_run_that_is_ended_goes_on_to_the_same_weights(data, unbroken, tmp_path, number, code, workers):
-    command = [*TRAIN, f"data.root={data}", "name=cut", *CUT, f"trainer.workers={workers}"]
+    command = [*TRAIN, f"data.root={data}", "name=cut", *CUT, f"dataset.workers={workers}"]
     folder = tmp_path / "runs/cut"
     returned, error = press(number, command, tmp_path, once=(folder / "metrics.csv").exists)
     assert returned == code

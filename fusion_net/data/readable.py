@@ -83,6 +83,6 @@ def refuse_unlike_images(reader: SampleReader, samples: Sequence[tuple[NuScenes,
             both = ((one, shape), (other, unlike))
             said = [f"{root} has {n} of {width}x{height}" for root, (n, height, width) in both]
             raise ValueError(
-                f"images that no batch can hold: {', '.join(said)}; choose the same for both with reader.train.cameras"
-                " and reader.train.image_size, or use one of the folders"
+                f"images that no batch can hold: {', '.join(said)}; choose the same for both with dataset.train.cameras"
+                " and dataset.train.image_size, or use one of the folders"
             )

@@ -252,7 +252,7 @@ def test_a_fault_of_the_command_line_reaches_the_training_samples_and_not_the_va
     root = write_tree(tmp_path, scenes=2, keyframes=1)
     with initialize_config_dir(str(CONFIGS), version_base="1.3"):
         cfg = compose("train", overrides=[f"data.root={root}", "fault=dead_camera", "fault.severity=3"])
-    train, val = (build(cfg.reader[split], "reader") for split in ("train", "val"))
+    train, val = (build(cfg.dataset[split], "dataset") for split in ("train", "val"))
     assert train[0].present.tolist() == [False, True, True]
     assert val[0].present.all()
 

@@ -243,6 +243,6 @@ def test_a_finished_run_that_is_resumed_stays_as_it_is(data, tmp_path, monkeypat
 def test_with_loader_processes_too(data, whole, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with Moments(when=("after backward", 4), then=WAYS["SIGTERM"]).watched(), pytest.raises(KeyboardInterrupt):
-        fit(settings(data, "name=a", *STEPS, "trainer.workers=2"))
-    fit(settings(data, "name=a", "resume=true", *STEPS, "trainer.workers=2"))
+        fit(settings(data, "name=a", *STEPS, "dataset.workers=2"))
+    fit(settings(data, "name=a", "resume=true", *STEPS, "dataset.workers=2"))
     assert_same(result(tmp_path / "runs/a"), whole[0])

@@ -174,9 +174,9 @@ def test_both_splits_are_read_from_tables_that_are_opened_once(data, tmp_path, m
     opened = []
     start = NuScenes.__init__
 
-    def spy(self, root, **rest):
+    def spy(self, root, *rest):
         opened.append(root)
-        start(self, root, **rest)
+        start(self, root, *rest)
 
     monkeypatch.setattr(NuScenes, "__init__", spy)
     monkeypatch.chdir(tmp_path)
@@ -196,8 +196,6 @@ def test_a_loader_process_that_dies_ends_the_run_in_one_line(data, steps, monkey
         return step(self, batch, batch_idx)
 
     monkeypatch.setattr(DetectorModule, "training_step", kill)
-    with pytest.raises(
-        ChildProcessError, match=r"loader process died .*Killed.*; add resume=true.* fewer trainer.workers"
-    ):
-        fit(settings(data, "trainer.workers=1", "trainer.fusion_steps=20"))
+    with pytest.raises(ChildProcessError, match=r"loader process died .*; add resume=true.* fewer dataset.workers"):
+        fit(settings(data, "dataset.workers=1", "trainer.fusion_steps=20"))
     assert len(steps) < 12

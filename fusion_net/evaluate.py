@@ -73,7 +73,7 @@ def evaluate_run(cfg: DictConfig) -> None:
     split, root = cfg.split or own_split, cfg.data.root or own_root
     target = result_folder(
         folder,
-        dataset.trees,
+        dataset.datasets,
         split=split,
         own_split=own_split,
         root=root,
@@ -129,7 +129,7 @@ def _write_predictions(target: Path, model: FusionNet, batches: DataLoader, trut
 
 def _no_labels(dataset: NuScenesDataset) -> str:
     """Why no label of a split counts."""
-    labels = sum(len(tree.annotations(token, dataset.classes)) for tree, token in dataset.index)
+    labels = sum(len(nusc.annotations(token, dataset.classes)) for nusc, token in dataset.index)
     if not labels:
         return "it has no labels"
     return f"none of its {labels} labels is on the grid and in range and has a LiDAR or radar point"

@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Reading:
+class SensorFrame:
     """One firing. ``record`` names the files that hold its data."""
 
     record: Record
@@ -30,47 +30,47 @@ class Reading:
     faults: SensorFaults
 
 
-class Moment:
+class SampleContext:
     """A sample's reference time and frame, and the readings of it."""
 
-    def __init__(self, tree: NuScenes, token: str, plan: FaultPlan, *, motion_compensation: bool) -> None:
-        self.tree, self.token, self.plan, self.motion_compensation = tree, token, plan, motion_compensation
-        self.reference = tree.reference(token)
-        self.ego_T_global = invert(tree.global_T_ego(self.reference))
-        self.scene = tree.get("sample", token)["scene_token"]
+    def __init__(self, nusc: NuScenes, token: str, plan: FaultPlan, *, motion_compensation: bool) -> None:
+        self.nusc, self.token, self.plan, self.motion_compensation = nusc, token, plan, motion_compensation
+        self.reference = nusc.reference(token)
+        self.ego_T_global = invert(nusc.global_T_ego(self.reference))
+        self.scene = nusc.get("sample", token)["scene_token"]
 
-    def readings(self, channel: str, past: int = 0) -> list[Reading]:
+    def sensor_frames(self, channel: str, past: int = 0) -> list[SensorFrame]:
         """The channel's keyframe and up to ``past`` firings before it, newest first; [] if the sensor is dead: the tables
         have no keyframe of it, or a fault takes it."""
-        found: dict[str, Reading] = {}
-        for place, record in enumerate(self.tree.firings(self.token, channel, past)):
-            reading = self._reading(channel, record)
-            if reading is not None:
-                found.setdefault(reading.record["token"], reading)
+        found: dict[str, SensorFrame] = {}
+        for place, record in enumerate(self.nusc.keyframe_and_sweeps(self.token, channel, past)):
+            frame = self._sensor_frame(channel, record)
+            if frame is not None:
+                found.setdefault(frame.record["token"], frame)
             elif place == 0:
                 return []
         return list(found.values())
 
-    def _reading(self, channel: str, record: Record) -> Reading | None:
+    def _sensor_frame(self, channel: str, record: Record) -> SensorFrame | None:
         faults = self._faults(channel, record["sample_token"])
         if faults.dead:
             return None
         source, stamp = self._source(record, faults)
-        reported = self.tree.ego_T_sensor(record)
+        reported = self.nusc.ego_T_sensor(record)
         true = faults.true_mount(reported)
         mount = reported if true is reported else reported @ invert(true) @ reported
         ego_T_sensor = mount
         if self.motion_compensation:
             same = stamp == record["timestamp"]
-            pose = self.tree.global_T_ego(record) if same else ego_path(self.tree, self.scene).at(stamp)
+            pose = self.nusc.global_T_ego(record) if same else ego_path(self.nusc, self.scene).at(stamp)
             ego_T_sensor = self.ego_T_global @ pose @ mount
         age = (self.reference["timestamp"] - stamp) * 1e-6
-        return Reading(source, stamp, age, reported, mount, ego_T_sensor, faults)
+        return SensorFrame(source, stamp, age, reported, mount, ego_T_sensor, faults)
 
     def _faults(self, channel: str, sample: str) -> SensorFaults:
         if not self.plan.faults:
             return SensorFaults()
-        return self.plan.on(channel, self.tree.modalities, scene=self.scene, sample=sample)
+        return self.plan.on(channel, self.nusc.modalities, scene=self.scene, sample=sample)
 
     def _source(self, record: Record, faults: SensorFaults) -> tuple[Record, int]:
         """The firing whose data come in the place of ``record``'s, and the time that the car believes of them.
@@ -78,7 +78,7 @@ class Moment:
         A clock that is ``error`` s ahead gives, under a stamp, what was seen ``error`` s before it: of the recorded firings
         the nearest to that, stamped with the error that is left. A stale frame then is an earlier one under that stamp.
         """
-        first = self.tree.get("sample", self.tree.get("scene", self.scene)["first_sample_token"])["timestamp"]
+        first = self.nusc.get("sample", self.nusc.get("scene", self.scene)["first_sample_token"])["timestamp"]
         error = round(faults.clock_error((record["timestamp"] - first) * 1e-6) * 1e6)
         source = self._nearest(record, record["timestamp"] - error) if error else record
         stamp = source["timestamp"] + error
@@ -98,4 +98,4 @@ class Moment:
     def _neighbour(self, record: Record, way: str) -> Record | None:
         """The channel's firing before or after one, if there is one."""
         token = record.get(way)
-        return self.tree.get("sample_data", token) if token else None
+        return self.nusc.get("sample_data", token) if token else None

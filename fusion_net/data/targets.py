@@ -48,7 +48,7 @@ def center_targets(
 
     rows, columns = grid.shape
     radius = gaussian_radius(wlh[:, 1] / grid.cell, wlh[:, 0] / grid.cell, min_overlap).astype(np.int64)
-    heatmap = _draw_heatmap(
+    heatmap = _render_heatmap(
         (len(boxes), num_classes, rows, columns), sample, label, row, column, np.maximum(radius, min_radius)
     )
     _, first = np.unique((sample * rows + row) * columns + column, return_index=True)
@@ -73,7 +73,7 @@ def center_targets(
     )
 
 
-def _draw_heatmap(shape, sample, label, row, column, radius) -> NDArray[np.float32]:
+def _render_heatmap(shape, sample, label, row, column, radius) -> NDArray[np.float32]:
     """Heat maps (B, K, Y, X): the footprints of all Gaussians scattered at once, by maximum."""
     _, classes, rows, columns = shape
     reach = np.arange(-radius.max(initial=0), radius.max(initial=0) + 1)

@@ -13,7 +13,7 @@ from fusion_net.metrics.detection import DetectionMetric
 from fusion_net.metrics.matching import ClassMatches
 
 
-def draw_scenes(scenes: NDArray[np.str_], *, resamples: int, rng: np.random.Generator) -> NDArray[np.int64]:
+def resample_scenes(scenes: NDArray[np.str_], *, resamples: int, rng: np.random.Generator) -> NDArray[np.int64]:
     """(R, S) how often each sample counts in each resample; ``scenes`` (S,) names the scene of each sample."""
     names, scene = np.unique(scenes, return_inverse=True)
     if not len(names):

@@ -38,7 +38,7 @@ SECTIONS: list[Section] = [
         "One physical state a scene, read by all sensors; the camera's view of it as its image's brightness and contrast.",
         [
             ("Scenes", sensors.conditions),
-            ("What a condition leaves of each sensor's data", sensors.takings),
+            ("What a condition leaves of each sensor's data", sensors.condition_effects),
             ("Images", sensors.brightness),
             ("Roads", sensors.layouts),
         ],
@@ -88,7 +88,7 @@ def render_page(found: Survey, summary: Summary) -> str:
     body = [
         f"<h1>{name}</h1>",
         f"<p>{summary['scenes']:,} scenes of the split &ldquo;{html.escape(summary['split'])}&rdquo; on"
-        f" {_layouts(summary)}. Sensor files were opened in {summary['readings']['keyframes']:,} keyframes.</p>",
+        f" {_layouts(summary)}. Sensor files were opened in {summary['sensor_data']['keyframes']:,} keyframes.</p>",
         _facts(summary),
         _film(found),
     ]
@@ -122,8 +122,8 @@ def _facts(summary: Summary) -> str:
         (f"{summary['objects_per_keyframe']['mean']:.1f}", "boxes a keyframe"),
         (f"{len({entry['condition'] for entry in summary['conditions']})}", "conditions"),
         (" + ".join(str(len(channels[name])) for name in MODALITIES), "cameras, LiDARs, radars"),
-        (_figure(summary["readings"]["lidar_points"]["mean"]), "LiDAR points a sweep"),
-        (_figure(summary["readings"]["radar_returns_per_scan"]["mean"]), "radar returns a scan"),
+        (_figure(summary["sensor_data"]["lidar_points"]["mean"]), "LiDAR points a sweep"),
+        (_figure(summary["sensor_data"]["radar_returns_per_scan"]["mean"]), "radar returns a scan"),
     ]
     return f'<div class="facts">{"".join(f"<div class=fact><b>{a}</b><span>{b}</span></div>" for a, b in facts)}</div>'
 

@@ -243,8 +243,8 @@ def test_a_clock_that_drifts_is_further_off_at_the_end_of_the_scene(make):
 def test_a_stale_sweep_is_the_one_before_under_the_stamp_of_this_one(make, clean):
     tree = make(Fault(sensors=["lidar"], effect=Stale()))
     token = clean.split("all")[1]
-    record, before = clean.firings(token, "LIDAR_TOP", 1)
-    stale = tree.firings(token, "LIDAR_TOP", 0)[0]
+    record, before = clean.keyframe_and_sweeps(token, "LIDAR_TOP", 1)
+    stale = tree.keyframe_and_sweeps(token, "LIDAR_TOP", 0)[0]
     assert tree.path(stale).read_bytes() == clean.path(before).read_bytes()
     assert stale["timestamp"] == record["timestamp"]
     assert stale["true_timestamp"] == before["timestamp"]

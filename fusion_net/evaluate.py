@@ -35,7 +35,7 @@ def load_run(
     version: str | None = None,
     fault: DictConfig | None = None,
 ) -> tuple[FusionNet, NuScenesDataset, DictConfig]:
-    """A trained model in evaluation mode, the samples of a split, spoiled by ``fault``, and the settings it was trained
+    """A trained model in evaluation mode, the samples of a split with ``fault`` applied, and the settings it was trained
     with. ``split``, ``root`` and ``version`` are those that the run validated on where they are None."""
     cfg = load_config(folder)
     settings = cfg.dataset.val.copy()

@@ -48,7 +48,7 @@ def depth_colors(depth: ArrayLike, far: float = 60.0) -> NDArray[np.uint8]:
 
 @dataclass(frozen=True)
 class BEVPanel:
-    """A picture of a grid's ground: x (ahead) is up, y (left) is left, ``scale`` pixels a metre."""
+    """A picture of a grid's ground: x (ahead) is up, y (left) is left, ``scale`` pixels per metre."""
 
     grid: BEVGrid
     scale: float = 8.0

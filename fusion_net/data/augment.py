@@ -24,9 +24,9 @@ GREY = np.array([0.299, 0.587, 0.114])
 @beartype
 @dataclass(frozen=True, kw_only=True)
 class Augment:
-    """What is drawn for a sample. ``rotation_deg``: heading within +-; ``scale``: size within 1 +-; ``flip_y``
-    mirrors left and right in half of the samples. ``brightness``, ``contrast``, ``saturation``: factors within 1 +-, one
-    draw for all cameras of the sample."""
+    """Ranges of the random changes of a sample. ``rotation_deg``: heading within +-; ``scale``: size within 1 +-; ``flip_y``
+    mirrors left and right in half of the samples. ``brightness``, ``contrast``, ``saturation``: factors within 1 +-, the
+    same for all cameras of the sample."""
 
     rotation_deg: float = 0.0
     scale: float = 0.0

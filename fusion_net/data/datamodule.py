@@ -31,7 +31,7 @@ class NuScenesDataset(Dataset):
 
     ``grid``: the cells of the targets; boxes off it are left out. ``cache`` keeps what was decoded (not what was
     augmented) in memory. ``datasets``: those of ``root``, where they are open already. Further arguments are those of
-    :class:`SampleReader`, whose faults draw from ``seed``. An index is a sample's place or (epoch, place): augmentation
+    :class:`SampleReader`, whose faults are sampled from ``seed``. An index is a sample's place or (epoch, place): augmentation
     follows from (seed, epoch, place) alone.
     """
 

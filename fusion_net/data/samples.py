@@ -25,7 +25,7 @@ from fusion_net.nuscenes.nuscenes import NuScenes
 
 @dataclass(frozen=True)
 class Sample:
-    """One sample of ``structures.Batch`` as numpy arrays. Frame: ego at the reference time."""
+    """One sample of a ``batch.Batch`` as numpy arrays. Frame: ego at the reference time."""
 
     token: str
     images: NDArray[np.uint8]  # (N, H, W, 3) RGB; black where the camera gave none
@@ -47,12 +47,12 @@ class SampleReader:
 
     ``cameras``: channels, None for all that the data set has. ``image_size`` [H, W]: images are scaled to W and lose rows
     at the top; None: at most ``cameras.MAX_WIDTH`` wide and cut to whole cells of ``label_stride``, or as they are without
-    one. ``lidar_sweeps``, ``radar_sweeps``: firings before the keyframe's that are added to it. ``motion_compensation``
-    False leaves each reading in the ego frame of its own time. ``propagate_radar`` moves radar points to the reference time
-    by their measured (radial) velocity, and ``propagate_lidar`` the LiDAR points near them. ``modalities``: files of the
-    others are not opened, and they are not present. ``label_stride``: pixels a cell of the depth and class labels (the
-    LiDAR is then read for them even if it is not given); None for no such labels. ``faults`` spoil what is read; what they
-    draw follows from ``fault_seed`` and the sample.
+    one. ``lidar_sweeps``, ``radar_sweeps``: sweeps before the keyframe that are added to it. ``motion_compensation``
+    False leaves each sensor frame in the ego frame of its own time. ``propagate_radar`` moves radar points to the reference
+    time by their measured (radial) velocity, and ``propagate_lidar`` the LiDAR points near them. ``modalities``: files of the
+    others are not opened, and they are not present. ``label_stride``: pixels per cell of the depth and class labels (the
+    LiDAR is then read for them even if it is not given); None for no such labels. ``faults`` are applied to what is read;
+    their random values follow from ``fault_seed`` and the sample.
     """
 
     classes: list[str] = field(default_factory=lambda: list(CLASSES))
@@ -82,7 +82,7 @@ class SampleReader:
             check_size(self.image_size, self.label_stride)
 
     def channels_of(self, nusc: NuScenes) -> dict[str, int]:
-        """The channels of a data set whose files are read, each with the number of firings before the keyframe's."""
+        """The channels of a data set whose files are read, each with the number of sweeps before the keyframe."""
         past = {"camera": 0, "lidar": self.lidar_sweeps, "radar": self.radar_sweeps}
         return {channel: past[name] for name in MODALITIES for channel in self._channels(nusc, name)}
 

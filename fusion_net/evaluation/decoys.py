@@ -1,7 +1,7 @@
 """Which sensors tell an object from its decoy: generated data sets hold bodies that copy an object for all but one sensor.
 
 A decoy is annotated under a category that is no detection class, with the key ``imitates`` naming what it copies, so the
-metrics ignore it. Here the detector's scores at decoys are set against those at real objects of the class: both standing
+metrics ignore it. Here the detector's scores at decoys are compared with those at real objects of the class: both standing
 still, on the grid, in range and with at least one LiDAR or radar point.
 """
 
@@ -49,8 +49,8 @@ class Bodies:
 def audit_decoys(
     truth: GroundTruth, samples: Sequence[tuple[NuScenes, str]], tables: Sequence[SampleBoxes]
 ) -> list[dict[str, Any]]:
-    """One entry a class that decoys imitate: counts, and for each subset of sensors (``tables`` in the order of SUBSETS)
-    the AUC of real against decoy by score, and the shares of both found above the score of the best F1. [] on data
+    """One entry per class that decoys imitate: counts, and for each subset of sensors (``tables`` in the order of SUBSETS)
+    the AUC of real against decoy by score, and the fractions of both found above the score of the best F1. [] on data
     without decoys."""
     bodies = read_bodies(truth, samples)
     matches = [truth.matches(table) for table in tables]

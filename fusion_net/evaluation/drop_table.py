@@ -60,7 +60,7 @@ def drop_table(
     device: str = "cpu",
 ) -> DropTable:
     """Scores all subsets. ``batches`` hold every sample of ``truth`` once, in any order; each is read once and shown to the
-    model seven times. All rows are scored on the same ``resamples`` draws of scenes, so their differences are paired."""
+    model seven times. All rows are scored on the same ``resamples`` sets of resampled scenes: differences are paired."""
     found, milliseconds = predict(model, batches, device=device)
     missing = [token for token in truth.tokens if token not in found[0]]
     if missing:
@@ -101,16 +101,16 @@ def describe(score: DetectionMetrics) -> dict[str, Any]:
 def predict(
     model: Detector, batches: Iterable[Batch], *, subsets: Sequence[Sequence[str]] = SUBSETS, device: str = "cpu"
 ) -> tuple[list[dict[str, Boxes]], list[float]]:
-    """Boxes by token for each subset, and its milliseconds a sample (forward and decoding; the median over batches)."""
+    """Boxes by token for each subset, and its milliseconds per sample (forward and decoding; the median over batches)."""
     found: list[dict[str, Boxes]] = [{} for _ in subsets]
     times: list[list[float]] = [[] for _ in subsets]
     for step, batch in enumerate(_progress(batches)):
         batch = batch.to(device)
         for row, subset in enumerate(subsets):
-            kept = torch.tensor([name in subset for name in MODALITIES], device=device)
+            chosen = torch.tensor([name in subset for name in MODALITIES], device=device)
             for _ in range(2 if step == 0 else 1):  # a subset's first pass sets things up: not timed
                 start = _now(device)
-                boxes = model.decode(model(batch, present=batch.present & kept))
+                boxes = model.decode(model(batch, present=batch.present & chosen))
                 seconds = _now(device) - start
             times[row].append(1e3 * seconds / batch.size)
             found[row].update(zip(batch.tokens, boxes, strict=True))

@@ -1,4 +1,4 @@
-"""The labelled boxes of a nuScenes data set as arrays: one row an annotation, all samples in one table."""
+"""The labelled boxes of a nuScenes data set as arrays: one row per annotation, all samples in one table."""
 
 from collections import defaultdict
 from collections.abc import Sequence

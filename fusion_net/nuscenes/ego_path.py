@@ -11,7 +11,7 @@ from fusion_net.nuscenes.nuscenes import NuScenes
 Array = NDArray[np.float64]
 
 BASELINE = 40_000
-"""Least microseconds between the two poses that a motion is taken from: poses of one moment tell no speed."""
+"""Least microseconds between the two poses that a motion is taken from: poses of one time tell no speed."""
 
 
 class EgoPath:

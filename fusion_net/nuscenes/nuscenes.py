@@ -94,7 +94,7 @@ class NuScenes:
         return height, width
 
     def keyframe_and_sweeps(self, sample_token: str, channel: str, past: int) -> list[Record]:
-        """A channel's keyframe and up to ``past`` firings before it, newest first; [] if the sensor gave no
+        """A channel's keyframe and up to ``past`` sweeps before it, newest first; [] if the sensor gave no
         keyframe."""
         record = self.keyframes[sample_token].get(channel)
         found: list[Record] = []

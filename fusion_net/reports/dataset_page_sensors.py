@@ -40,8 +40,8 @@ def conditions(axes: Axes, found: Survey, summary: Summary) -> None:
 
 
 def condition_effects(axes: Axes, found: Survey, summary: Summary) -> None:
-    """What each condition leaves of the image's contrast, and of the LiDAR points and radar returns of the same objects: those
-    of a class and a ring of distance against the clear mean of that class and ring."""
+    """The image's contrast in each condition, and of the LiDAR points and radar returns of the same objects: those
+    of a class and a ring of distance relative to the clear mean of that class and ring."""
     condition = np.array(found.condition)
     names = list(dict.fromkeys(entry["condition"] for entry in summary["conditions"]))
     base = names.index("clear") if "clear" in names else 0
@@ -80,7 +80,7 @@ def _relative_to(found: Survey, values: Integers, names: list[str], base: int) -
 
 
 def brightness(axes: Axes, found: Survey, summary: Summary) -> None:
-    """Mean brightness of the images against their contrast, a point a keyframe, by condition."""
+    """Mean brightness of the images against their contrast, one point per keyframe, by condition."""
     names = list(dict.fromkeys(entry["condition"] for entry in summary["conditions"]))
     colors = matplotlib.colormaps["tab10"].colors  # type: ignore[attr-defined]
     for name, color in zip(names, colors, strict=False):
@@ -154,7 +154,7 @@ def rcs(axes: Axes, found: Survey, summary: Summary) -> None:
 
 
 def returns(axes: Axes, found: Survey, summary: Summary) -> None:
-    """Radar returns of one unit's scan."""
+    """Radar returns of one sensor's scan."""
     counts = np.array([count for each in found.sensor_data for count in each.radar_returns] or [0])
     axes.hist(counts, bins=np.linspace(0, max(counts.max(), 10), 30).tolist(), color="#5b9a6f", rwidth=0.9)
     axes.set_xlabel("returns in one scan of one radar")

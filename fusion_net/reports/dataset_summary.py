@@ -1,4 +1,4 @@
-"""The figures of a data set's survey as one JSON document, beside what is published of nuScenes."""
+"""The figures of a data set's survey as one JSON document, compared with what is published of nuScenes."""
 
 from collections import Counter
 from typing import Any
@@ -87,7 +87,7 @@ def _class(found: Survey, label: int) -> Summary:
 
 
 def _conditions(found: Survey) -> list[Summary]:
-    """One entry a condition and severity, the mildest first."""
+    """One entry per condition and severity, the mildest first."""
     kind = list(zip(found.condition, found.severity, strict=True))
     scenes = Counter(_first_of_each(found.scene, kind))
     keyframes = Counter(kind)
@@ -138,7 +138,7 @@ def beside_nuscenes(found: Survey) -> list[list[str]]:
     return [
         ["sensors", sensors, "6 camera, 1 lidar, 5 radar", "nuScenes paper"],
         ["image", f"{width} x {height}" if width else "none", "1600 x 900", "nuScenes paper"],
-        ["LiDAR points a sweep", _pm(sensor_data["lidar_points"], 0), "about 34,000, all round", "nuScenes"],
+        ["LiDAR points per sweep", _pm(sensor_data["lidar_points"], 0), "about 34,000, all round", "nuScenes"],
         ["RCS of radar returns, dBsm", _pm(sensor_data["rcs"], 1), "4.8 ± 7.6", "CRN's normalisation"],
         ["speed of radar returns, m/s", _pm(sensor_data["radar_speed"], 2), "0.68 ± 1.98", "CRN's normalisation"],
         [

@@ -1,4 +1,4 @@
-"""What there is in a data set: its objects, keyframes and readings as arrays, before anything is counted."""
+"""What there is in a data set: its objects, keyframes and sensor data as arrays, before anything is counted."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -24,7 +24,7 @@ ALL = list(CLASSES)
 
 @dataclass(frozen=True)
 class Objects:
-    """N labelled objects, one row a keyframe in which they are labelled."""
+    """N labelled objects, one row per keyframe in which they are labelled."""
 
     keyframe: NDArray[np.int64]  # (N,) row of Survey's keyframes
     label: NDArray[np.int64]  # (N,) index into CLASSES
@@ -43,8 +43,8 @@ class Objects:
 
 @dataclass(frozen=True)
 class KeyframeData:
-    """What the sensors gave in one keyframe. ``radar_returns`` holds a figure a unit; ``rcs_of`` the RCS of the returns at each
-    class's boxes."""
+    """What the sensors measured in one keyframe. ``radar_returns`` holds one figure per radar; ``rcs_of`` the RCS of the
+    returns at each class's boxes."""
 
     keyframe: int
     brightness: float  # mean of the first camera's image, 0 .. 255; NaN without a camera
@@ -59,7 +59,7 @@ class KeyframeData:
 @dataclass
 class Survey:
     """A data set. ``condition``, ``severity`` and ``layout`` say it for each keyframe, ``scene`` which scene it is of;
-    ``pictures`` has one image a condition and severity."""
+    ``pictures`` has one image per condition and severity."""
 
     scene: list[str] = field(default_factory=list)
     condition: list[str] = field(default_factory=list)

@@ -85,12 +85,12 @@ def _camera(sample: Sample, view: TimedView, lidar_place: NDArray, error_deg: fl
         note = f"{carried.sum()} points moved with their objects"
     pictures = [boxed]
     for error in dict.fromkeys((0.0, error_deg)):
-        dotted, drawn = dim.copy(), turned(points, lidar_place, error)
-        points_on_image(dotted, drawn, radius=2, scale=scale, **camera)
+        dotted, projected = dim.copy(), turned(points, lidar_place, error)
+        points_on_image(dotted, projected, radius=2, scale=scale, **camera)
         fit = (
             ""
             if view.depth is None
-            else f"{100 * agreement(drawn, view.depth, view.cam_K, view.ego_T_cam):.0f} % on the exact depth   "
+            else f"{100 * agreement(projected, view.depth, view.cam_K, view.ego_T_cam):.0f} % on the exact depth   "
         )
         _caption(dotted, f"LiDAR by depth   {fit}" + (f"{error:g} degrees off" if error else note))
         pictures.append(dotted)

@@ -1,56 +1,74 @@
 """One episode: a layout, its traffic, its scenery and its weather, put together as a :class:`Scene`."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from beartype import beartype
 
+from data_gen.actors.roadside_settings import Roadside
 from data_gen.actors.traffic import populate
 from data_gen.rig.coverage import FRONT, Sector
 from data_gen.road.layout import LAYOUTS, record_layout
+from data_gen.road.traffic_settings import Traffic
 from data_gen.scene.conditions import ConditionMix
 from data_gen.scene.scene import Scene
 from data_gen.world.scenery import build_world
+from fusion_net.common.checks import check_names, check_weights
 from fusion_net.common.random import stream
 
 
 @beartype
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Scenario:
-    """Which layouts a split draws, by relative weight. A split without an entry uses ``train``'s."""
+    """What happens in the scenes of a data set, all but weather and light.
 
-    layouts: dict[str, dict[str, float | int]] = field(default_factory=lambda: {"train": dict.fromkeys(LAYOUTS, 1.0)})
+    ``layouts``: by split, relative weights of the layouts; a split without an entry uses ``train``'s.
+    """
+
+    layouts: dict[str, dict[str, float | int]]
+    traffic: Traffic
+    roadside: Roadside
 
     def __post_init__(self) -> None:
+        if "train" not in self.layouts:
+            raise ValueError("layouts: the split 'train' is missing, whose weights every other split falls back on")
         for split, weights in self.layouts.items():
-            unknown = sorted(set(weights) - set(LAYOUTS))
-            if unknown:
-                raise ValueError(
-                    f"scenario.layouts.{split}: unknown layout '{unknown[0]}'; there are {', '.join(LAYOUTS)}"
-                )
-            if not any(weight > 0 for weight in weights.values()):
-                raise ValueError(f"scenario.layouts.{split}: no layout has a weight above 0")
+            check_names(f"layout of layouts.{split}", weights, LAYOUTS)
+            check_weights(f"layouts.{split}", weights)
 
-    def draw(self, split: str, *, seed: int) -> str:
+    def sample_layout(self, split: str, *, seed: int) -> str:
         """The layout of the episode with this seed."""
         weights = self.layouts.get(split, self.layouts["train"])
         names = sorted(weights)
-        share = [weights[name] for name in names]
-        total = sum(share)
-        return str(stream(seed, "layout").choice(names, p=[weight / total for weight in share]))
+        total = sum(weights[name] for name in names)
+        return str(stream(seed, "layout").choice(names, p=[weights[name] / total for name in names]))
 
 
 def build_episode(
-    *, name: str, layout: str, seed: int, duration: float, condition: ConditionMix, view: Sector = FRONT
+    *,
+    name: str,
+    layout: str,
+    seed: int,
+    duration: float,
+    scenario: Scenario,
+    condition: ConditionMix,
+    view: Sector = FRONT,
 ) -> Scene:
     """The scene called ``name`` on a named layout: all else follows from ``seed``. ``duration`` in seconds; ``view`` is where
     the rig looks: it is filled as densely as a front camera's."""
-    recorded = record_layout(layout, seed=seed, duration=duration)
+    recorded = record_layout(layout, seed=seed, duration=duration, traffic=scenario.traffic)
     weather = condition.draw(stream(seed, "condition"), heading=float(recorded.ego.at(0.0)[1]))
     world = build_world(recorded, seed=seed)
     return Scene(
         name=name,
         ego=recorded.ego,
-        actors=populate(recorded, seed=seed, density=view.half / FRONT.half, view=view, lorry_ahead=weather.spray),
+        actors=populate(
+            recorded,
+            seed=seed,
+            traffic=scenario.traffic,
+            roadside=scenario.roadside,
+            view=view,
+            truck_ahead=weather.spray,
+        ),
         world=world.mesh,
         ground_faces=world.ground_faces,
         ground=world.ground,

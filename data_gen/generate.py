@@ -87,12 +87,13 @@ class Job:
         name = scene_name(index)
         seed = int(stream(self.seed, "scene", index).integers(2**62))
         duration = self.rig.duration(self.data.keyframes)
-        layout = self.scenario.draw(split, seed=seed)
+        layout = self.scenario.sample_layout(split, seed=seed)
         scene = build_episode(
             name=name,
             layout=layout,
             seed=seed,
             duration=duration,
+            scenario=self.scenario,
             condition=self.condition,
             view=sector_covered(self.rig),
         )

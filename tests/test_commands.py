@@ -201,7 +201,7 @@ def test_data_made_anew_with_other_settings_is_not_mistaken_for_the_old(trained,
         manifest.write_text(was)
 
 
-CUT = ("trainer.camera_steps=30", "trainer.alone_steps=4", "trainer.fusion_steps=26", "trainer.save_every=7")
+CUT = ("trainer.camera_steps=30", "trainer.camera_only_steps=4", "trainer.fusion_steps=26", "trainer.save_every=7")
 
 
 @pytest.fixture(scope="module")
@@ -266,7 +266,7 @@ def test_shards_made_side_by_side_train_and_are_scored_as_one_data_set(data, tra
 
 @pytest.mark.slow
 def test_a_sweep_does_what_is_left_and_a_job_that_fails_stops_no_other(data, tmp_path):
-    steps = ("trainer.camera_steps=2", "trainer.alone_steps=2", "trainer.fusion_steps=4")
+    steps = ("trainer.camera_steps=2", "trainer.camera_only_steps=2", "trainer.fusion_steps=4")
     command = [*TRAIN, "-m", "+sweep=seeds", "seed=1,2", *steps, f"data.root={data}"]
     code, printed, _ = run(command, tmp_path)
     assert code == 0
@@ -294,7 +294,7 @@ def test_a_sweep_does_what_is_left_and_a_job_that_fails_stops_no_other(data, tmp
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["it's a, [run]", "seed=1,lr=${x}", "2026_01"])
 def test_the_command_that_is_printed_scores_a_run_of_any_name(data, tmp_path, name):
-    steps = ("trainer.camera_steps=2", "trainer.alone_steps=2", "trainer.fusion_steps=4")
+    steps = ("trainer.camera_steps=2", "trainer.camera_only_steps=2", "trainer.fusion_steps=4")
     code, printed, error = run([*TRAIN, f"data.root={data}", f"name={as_override(name)}", *steps], tmp_path)
     assert code == 0, error
     (advice,) = advised(printed)

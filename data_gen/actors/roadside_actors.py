@@ -1,28 +1,24 @@
 """What stands, walks and cycles beside the road: parked vehicles, pedestrians, cyclists, and their decoys.
 
-A decoy is drawn by the same code as what it imitates and becomes a decoy by the last draw, so that place, heading and
-(im)mobility tell nothing.
+A decoy is placed by the same code as what it imitates, and nothing but its body depends on whether it is one, so that place,
+heading and (im)mobility tell nothing.
 """
 
 import numpy as np
 
+from data_gen.actors.roadside_settings import CYCLES, Roadside
 from data_gen.actors.stage import Spot, Stage
-from data_gen.assets.catalogue import PAINTS, VARIANT_NAMES, build_asset, decoy_of, giant
+from data_gen.assets.catalogue import PAINTS, VARIANT_NAMES, build_asset, decoy_of, scaled_decoy
 from data_gen.assets.shapes.mesh import Asset
 from data_gen.road.track import Track
 from data_gen.world.marks import crossings
+from fusion_net.common.random import uniform
 
-DECOY_SHARE = 0.25
-"""Of parked trucks, buses and trailers, and of standing pedestrians."""
 LARGE = ("truck", "bus", "trailer", "construction_vehicle")
-CYCLES = ("motorcycle", "bicycle")
-ON_ZEBRA = 0.7
-"""Of those who cross the road in sight of a zebra crossing."""
-WALKING = (0.6, 1.9)
-"""Range of walking speeds in m/s."""
+"""Classes of which parked ones may be decoys."""
 
 
-def draw_asset(kind: str, rng: np.random.Generator, *words: str) -> Asset:
+def sample_asset(kind: str, rng: np.random.Generator, *words: str) -> Asset:
     """A random variant in a random paint, of those variants whose names have all the ``words``."""
     variants = [v for v, name in enumerate(VARIANT_NAMES[kind]) if all(word in name for word in words)]
     return build_asset(kind, variants[rng.integers(len(variants))], int(rng.integers(PAINTS[kind])))
@@ -33,11 +29,11 @@ def standing(spot: Spot, out: float, yaw: float) -> Track:
     return Track.static([*spot.beside(out), 0.0], spot.yaw + yaw)
 
 
-def park(stage: Stage, kind: str, *, tries: int = 6) -> bool:
+def park(stage: Stage, kind: str, roadside: Roadside, *, tries: int = 6) -> bool:
     """A vehicle parked beside the road: mostly in line with it, now and then across, some farther off."""
     rng = stage.rng
-    asset = draw_asset(kind, rng, *(("parked",) if kind in CYCLES else ()))
-    is_decoy = rng.uniform() < DECOY_SHARE and kind in LARGE
+    asset = sample_asset(kind, rng, *(("parked",) if kind in CYCLES else ()))
+    is_decoy = rng.uniform() < roadside.decoy_probability and kind in LARGE
     asset = decoy_of(asset) if is_decoy else asset
     length, width, _ = asset.size
     for _ in range(tries):
@@ -61,11 +57,11 @@ def _off_road(stage: Stage, center: np.ndarray, yaw: float, asset: Asset) -> boo
     return bool((stage.clearance(corners) > 0.0).all())
 
 
-def stand(stage: Stage) -> bool:
+def stand(stage: Stage, roadside: Roadside) -> bool:
     """Somebody who stands on the pavement, facing anywhere; some of them are dummies."""
     rng = stage.rng
-    asset = draw_asset("pedestrian", rng, "standing")
-    is_decoy = rng.uniform() < DECOY_SHARE
+    asset = sample_asset("pedestrian", rng, "standing")
+    is_decoy = rng.uniform() < roadside.decoy_probability
     out = rng.uniform(0.7, 5.0)
     spot = stage.spot(out)
     if spot is None:
@@ -75,11 +71,11 @@ def stand(stage: Stage) -> bool:
     return stage.place(decoy_of(asset) if is_decoy else asset, track, attribute)
 
 
-def walk(stage: Stage) -> bool:
+def walk(stage: Stage, roadside: Roadside) -> bool:
     """Somebody who walks along the pavement, either way."""
     rng = stage.rng
-    asset = draw_asset("pedestrian", rng, "walking")
-    out, speed = rng.uniform(0.8, 4.0), rng.uniform(*WALKING) * rng.choice((-1, 1))
+    asset = sample_asset("pedestrian", rng, "walking")
+    out, speed = rng.uniform(0.8, 4.0), uniform(rng, roadside.walking_speed) * rng.choice((-1, 1))
     spot = stage.spot(out)
     if spot is None:
         return False
@@ -93,15 +89,15 @@ def _smooth(track: Track) -> bool:
     return bool((np.abs(np.diff(track.yaw)) < 0.2).all())
 
 
-def cross(stage: Stage) -> bool:
+def cross(stage: Stage, roadside: Roadside) -> bool:
     """Somebody who crosses the road, where nobody drives meanwhile: mostly on a zebra crossing, where one is in sight."""
     rng = stage.rng
-    asset = draw_asset("pedestrian", rng, "walking")
-    place = (_zebra(stage) if rng.uniform() < ON_ZEBRA else None) or _edge(stage)
+    asset = sample_asset("pedestrian", rng, "walking")
+    place = (_zebra(stage) if rng.uniform() < roadside.zebra_probability else None) or _edge(stage)
     if place is None:
         return False
     start, heading = place
-    speed, heading = rng.uniform(0.9, 1.8), heading + rng.normal(0.0, 0.1)
+    speed, heading = uniform(rng, roadside.crossing_speed), heading + rng.normal(0.0, 0.1)
     velocity = speed * np.array([np.cos(heading), np.sin(heading), 0.0])
     track = Track(np.zeros(1), np.array([[*start, 0.0]]), np.array([heading]), velocity[None])
     position = track.at(stage.times)[0][:, :2]
@@ -128,12 +124,12 @@ def _edge(stage: Stage) -> tuple[np.ndarray, float] | None:
     return spot.beside(stage.rng.uniform(-3.0, 1.0)), spot.yaw - spot.side * np.pi / 2
 
 
-def cycle(stage: Stage, kind: str) -> bool:
+def cycle(stage: Stage, kind: str, roadside: Roadside) -> bool:
     """A cyclist or a motorcyclist along the road's edge, with the traffic."""
     rng = stage.rng
-    asset = draw_asset(kind, rng, "rider")
+    asset = sample_asset(kind, rng, "rider")
     waits = rng.uniform() < 0.15
-    speed = 0.0 if waits else rng.uniform(2.0, 8.0) if kind == "bicycle" else rng.uniform(3.0, 14.0)
+    speed = 0.0 if waits else uniform(rng, roadside.cycling_speed[kind])
     out = rng.uniform(-0.5, 0.8) if kind == "bicycle" else rng.uniform(-0.8, 0.3)
     spot = stage.spot(1.0)
     if spot is None:
@@ -142,9 +138,9 @@ def cycle(stage: Stage, kind: str) -> bool:
     return _smooth(track) and stage.place(asset, track, "cycle.with_rider")
 
 
-def loom(stage: Stage) -> bool:
+def place_scaled_decoy(stage: Stage, roadside: Roadside) -> bool:
     """A figure twice a person's size, farther off: the same pixels as a person at half the distance."""
-    asset = giant(draw_asset("pedestrian", stage.rng))
+    asset = scaled_decoy(sample_asset("pedestrian", stage.rng))
     out = stage.rng.uniform(4.0, 12.0)
     spot = stage.spot(out)
     if spot is None or np.linalg.norm(spot.edge - stage.layout.ego.position[0, :2]) < 22.0:

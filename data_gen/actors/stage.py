@@ -64,7 +64,7 @@ class Spot:
 
 
 class Stage:
-    """The actors placed so far and the ground that they take during the episode. ``rng`` draws everything; ``view`` is
+    """The actors placed so far and the ground that they take during the episode. ``rng`` samples everything; ``view`` is
     what the rig looks at."""
 
     def __init__(self, layout: Layout, rng: np.random.Generator, view: Sector = FRONT) -> None:
@@ -106,7 +106,7 @@ class Stage:
         return distance - self._half[nearest] - 0.1  # the tree's points lie up to 1.5 m apart
 
     def visibility(self, points: ArrayLike) -> Array:
-        """Share (...) of the time that points (..., 2) at rest, or (..., T, 2) at ``times``, spend in the view."""
+        """Fraction (...) of the time that points (..., 2) at rest, or (..., T, 2) at ``times``, spend in the view."""
         points = np.asarray(points, float)
         delta = points - self._ego if points.ndim == 3 else points[..., None, :] - self._ego
         bearing = np.arctan2(delta[..., 1], delta[..., 0]) - self._ego_yaw - self.view.center

@@ -2,7 +2,17 @@
 
 import numpy as np
 
-from data_gen.actors.roadside_actors import cross, cycle, draw_asset, loom, park, stand, walk
+from data_gen.actors.roadside_actors import (
+    LARGE,
+    cross,
+    cycle,
+    park,
+    place_scaled_decoy,
+    sample_asset,
+    stand,
+    walk,
+)
+from data_gen.actors.roadside_settings import CYCLES, IN_VIEW, Roadside
 from data_gen.actors.stage import Array, Stage
 from data_gen.actors.work_zone import work_zone
 from data_gen.assets.catalogue import build_asset
@@ -11,28 +21,15 @@ from data_gen.rig.coverage import FRONT, Sector
 from data_gen.road.footprints import Occupancy
 from data_gen.road.layout import Layout
 from data_gen.road.track import Track
+from data_gen.road.traffic_settings import DRIVEN, Traffic
 from data_gen.scene.scene import Actor
 from data_gen.scene.spray import LEAST_SPEED
 from fusion_net.common.geometry import wrap_angle
 from fusion_net.common.random import stream
 
-DRIVEN = {"car": 0.52, "truck": 0.16, "bus": 0.11, "motorcycle": 0.12, "construction_vehicle": 0.09}
-"""Shares of the simulated vehicles. Who has no room for a long body is a car."""
-TRAILER_SHARE = 0.6
-"""Of the trucks that have the room."""
-LORRY = [("truck", 0.4), ("bus", 0.4), ("truck", 0.1), ("truck", 0.1)]
-"""What is tried for a lorry ahead, and with how much room in metres around it."""
-SHOWN = {
-    "car": 4.0,
-    "truck": 1.0,
-    "bus": 0.6,
-    "trailer": 0.6,
-    "construction_vehicle": 0.6,
-    "motorcycle": 0.8,
-    "bicycle": 0.8,
-}
-"""Mean number of objects in a front camera's view at a time that parked and cycling ones fill up to."""
-YIELD = {
+TRUCK_AHEAD = [("truck", 0.4), ("bus", 0.4), ("truck", 0.1), ("truck", 0.1)]
+"""What is tried for a truck ahead of the ego, and with how much room in metres around it."""
+SUCCESS = {
     "car": 0.65,
     "motorcycle": 0.50,
     "bicycle": 0.54,
@@ -41,32 +38,41 @@ YIELD = {
     "trailer": 0.36,
     "construction_vehicle": 0.48,
 }
-"""Share of the tries that end as an object in sight, measured over 480 scenes: not every spot has room, and a quarter of the
-large become decoys."""
-SLOW = 12.0
-"""Speed in m/s above which no construction vehicle drives."""
+"""Fraction of the tries that end as an object in sight, measured over 480 scenes: not every spot has room, and a quarter of
+the LARGE became decoys (MEASURED_DECOYS)."""
+MEASURED_DECOYS = 0.25
 
 
 def populate(
-    layout: Layout, *, seed: int, density: float = 1.0, view: Sector = FRONT, lorry_ahead: bool = False
+    layout: Layout,
+    *,
+    seed: int,
+    traffic: Traffic,
+    roadside: Roadside,
+    view: Sector = FRONT,
+    truck_ahead: bool = False,
 ) -> list[Actor]:
-    """All actors of an episode: labelled objects and decoys (category ""). ``density`` scales what is beside the road,
-    within the rig's ``view``. With ``lorry_ahead`` one of those who drive fast ahead of the ego is a truck or a bus, where
-    there is room.
+    """All actors of an episode: labelled objects and decoys (category ""). The rig's ``view`` is filled as densely as a front
+    camera's. With ``truck_ahead`` one of those who drive fast ahead of the ego is a truck or a bus, where there is room.
 
     No two footprints touch at any time, and nothing at rest stands in the ego's way.
     """
     stage = Stage(layout, stream(seed, "traffic", layout.name), view)
-    rng = stage.rng
-    _drive(stage, layout.vehicles, _leaders(layout) if lorry_ahead else [])
-    if rng.uniform() < 0.75 * density:
-        work_zone(stage)
-    for kind in rng.permutation(sorted(SHOWN)):
-        _fill_up(stage, str(kind), density)
-    for act, mean in ((walk, 3.8), (stand, 5.0), (cross, 1.6), (loom, 1.0)):
+    rng, density = stage.rng, roadside.density * (view.half / FRONT.half)
+    _drive(stage, traffic, layout.vehicles, _leaders(layout) if truck_ahead else [])
+    if rng.uniform() < roadside.work_zone_probability * density:
+        work_zone(stage, roadside)
+    for kind in rng.permutation(sorted(IN_VIEW)):
+        _fill_up(stage, str(kind), roadside, density)
+    for act, mean in (
+        (walk, roadside.walking),
+        (stand, roadside.standing),
+        (cross, roadside.crossing),
+        (place_scaled_decoy, roadside.scaled_decoys),
+    ):
         for _ in range(rng.poisson(mean * density)):
-            act(stage)
-    for _ in range(rng.poisson(0.8 * density)):
+            act(stage, roadside)
+    for _ in range(rng.poisson(roadside.metal_plates * density)):
         _plate(stage)
     return stage.actors
 
@@ -83,9 +89,9 @@ def _leaders(layout: Layout) -> list[int]:
     return sorted(found, key=lambda i: float(gap[i] @ ahead))
 
 
-def _drive(stage: Stage, tracks: list[Track], leaders: list[int]) -> None:
-    """A body for every simulated vehicle, as long as the gaps to all others allow; a lorry for the first of the ``leaders``
-    who has the room."""
+def _drive(stage: Stage, traffic: Traffic, tracks: list[Track], leaders: list[int]) -> None:
+    """A body for every simulated vehicle, as long as the gaps to all others allow; a truck or bus for the first of the
+    ``leaders`` who has the room."""
     first = set(leaders)
     tracks = [*(tracks[i] for i in leaders), *(track for i, track in enumerate(tracks) if i not in first)]
     waiting = Occupancy(len(stage.times))
@@ -96,15 +102,15 @@ def _drive(stage: Stage, tracks: list[Track], leaders: list[int]) -> None:
     for index, (track, path) in enumerate(zip(tracks, paths, strict=True)):
         waiting.drop_first()
         speed = np.linalg.norm(track.velocity, axis=1).mean()
-        kind = str(stage.rng.choice(list(DRIVEN), p=list(DRIVEN.values())))
-        kind = "truck" if kind == "construction_vehicle" and speed > SLOW else kind
+        kind = str(stage.rng.choice(DRIVEN, p=traffic.class_probabilities()))
+        kind = "truck" if kind == "construction_vehicle" and speed > traffic.max_construction_speed else kind
         tries = [(kind, 0.4), ("car", 0.02), ("car", 0.0), ("car", 0.0)]
-        for choice, margin in LORRY + tries if index < wanted else tries:
-            asset = draw_asset(choice, stage.rng, *(("rider",) if choice == "motorcycle" else ()))
+        for choice, margin in TRUCK_AHEAD + tries if index < wanted else tries:
+            asset = sample_asset(choice, stage.rng, *(("rider",) if choice == "motorcycle" else ()))
             if _fits(stage, waiting, asset, path, margin):
                 stage.place(asset, track, _state(choice), margin)
                 wanted = 0 if choice in ("truck", "bus") and index < wanted else wanted
-                if choice == "truck" and stage.rng.uniform() < TRAILER_SHARE:
+                if choice == "truck" and stage.rng.uniform() < traffic.trailer_probability:
                     _tow(stage, waiting, asset, track)
                 break
 
@@ -121,7 +127,7 @@ def _state(kind: str) -> str:
 
 def _tow(stage: Stage, waiting: Occupancy, truck: Asset, track: Track) -> bool:
     """A trailer behind a truck, if there is room."""
-    trailer = draw_asset("trailer", stage.rng)
+    trailer = sample_asset("trailer", stage.rng)
     behind = towed(track, hitch=-truck.size[0] / 2 - 0.4, length=trailer.size[0])
     folded = np.abs(wrap_angle(track.yaw - behind.yaw)).max() > 0.5  # no jack-knife in a tight turn
     fits = not folded and _fits(stage, waiting, trailer, stage.path(behind), 0.3)
@@ -148,21 +154,27 @@ def towed(track: Track, *, hitch: float, length: float) -> Track:
     return Track(track.times, np.hstack([centers, flat]), np.unwrap(yaws), np.hstack([velocity, flat]))
 
 
-def _fill_up(stage: Stage, kind: str, density: float) -> None:
-    """Parked and cycling ones, until the view shows about as many of a kind as :data:`SHOWN` says."""
+def _fill_up(stage: Stage, kind: str, roadside: Roadside, density: float) -> None:
+    """Parked and cycling ones, until the view shows about as many of a kind as ``roadside.in_view`` says."""
     category = build_asset(kind, 0, 0).category
-    missing = density * SHOWN[kind] - stage.shown(".".join(category.split(".")[:2]))
-    for _ in range(stage.rng.poisson(max(missing, 0.0) / YIELD[kind])):
-        if kind in ("motorcycle", "bicycle") and stage.rng.uniform() < 0.55:
-            cycle(stage, kind)
+    missing = density * roadside.in_view.get(kind, 0.0) - stage.shown(".".join(category.split(".")[:2]))
+    for _ in range(stage.rng.poisson(max(missing, 0.0) / _success(kind, roadside.decoy_probability))):
+        if kind in CYCLES and stage.rng.uniform() < roadside.ridden_probability:
+            cycle(stage, kind, roadside)
         else:
-            park(stage, kind)
+            park(stage, kind, roadside)
+
+
+def _success(kind: str, decoy_probability: float) -> float:
+    """Fraction of the tries that end as an object. Where hardly any would, no more tries are made than for a tenth."""
+    real = max(1.0 - decoy_probability, 0.1) / (1.0 - MEASURED_DECOYS)
+    return SUCCESS[kind] * (real if kind in LARGE else 1.0)
 
 
 def _plate(stage: Stage) -> None:
     """A steel plate on the road: a strong radar echo and no object."""
     spot = stage.spot(1.0)
     if spot is not None:
-        asset = draw_asset("metal_plate", stage.rng)
+        asset = sample_asset("metal_plate", stage.rng)
         out = -stage.rng.uniform(0.8, 2.6) - asset.size[1] / 2 + 0.5
         stage.place(asset, Track.static([*spot.beside(out), 0.0], spot.yaw + stage.rng.normal(0.0, 0.3)))

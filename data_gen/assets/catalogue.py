@@ -4,7 +4,7 @@ from collections.abc import Callable
 from functools import cache
 
 from data_gen.assets.bodies import bicycles, buses, cars, construction, motorcycles, people, trailers, trucks
-from data_gen.assets.decoys import decoy_of, giant
+from data_gen.assets.decoys import decoy_of, scaled_decoy
 from data_gen.assets.shapes.mesh import Asset
 from data_gen.assets.shapes.palette import (
     BICYCLE_PAINTS,
@@ -16,7 +16,7 @@ from data_gen.assets.shapes.palette import (
 from data_gen.assets.street import furniture as street
 from data_gen.assets.street import nature, posts, roadworks, signs
 
-__all__ = ["PAINTS", "PROPS", "VARIANTS", "VARIANT_NAMES", "build_asset", "decoy_of", "giant"]
+__all__ = ["PAINTS", "PROPS", "VARIANTS", "VARIANT_NAMES", "build_asset", "decoy_of", "scaled_decoy"]
 
 Painted = tuple[Callable[..., Asset], tuple[str, ...], tuple]
 # kind: what builds a variant in a paint, names of the variants, paints; below, what comes in one paint only

@@ -14,7 +14,7 @@ LOUD = np.array([(0.85, 0.01, 0.50), (0.32, 0.85, 0.02), (0.01, 0.62, 0.80)], np
 
 @cache
 def decoy_of(asset: Asset) -> Asset:
-    """A hoarding in the shape of ``asset``: vertices, faces, reflectivity and scatterers are its very own; every face,
+    """A billboard in the shape of ``asset``: vertices, faces, reflectivity and scatterers are its very own; every face,
     glass and tyres included, is painted over in loud blocks, dull and unlit. It is no object: category ""."""
     mesh, count = asset.mesh, len(asset.mesh.faces)
     centre = mesh.vertices[mesh.faces].mean(axis=1) / np.array(asset.size, np.float32) + (0.5, 0.5, 0.0)
@@ -26,7 +26,7 @@ def decoy_of(asset: Asset) -> Asset:
     surface = replace(
         mesh.surface,
         albedo=LOUD[choice],
-        texture=np.full(count, TEXTURES.index("hoarding"), np.uint8),
+        texture=np.full(count, TEXTURES.index("billboard"), np.uint8),
         specular=np.zeros(count, np.float32),
         emission=np.zeros(count, np.float32),
     )
@@ -40,16 +40,16 @@ def decoy_of(asset: Asset) -> Asset:
 
 
 @cache
-def giant(asset: Asset, scale: float = 2.0) -> Asset:
+def scaled_decoy(asset: Asset, scale: float = 2.0) -> Asset:
     """``asset`` at another scale: ``scale`` times as far away it fills the same pixels. Its radar cross-section grows
     with its area, by 20 log10(scale) dB. It is no object: category ""."""
     if scale <= 0:
-        raise ValueError(f"giant: scale={scale} of '{asset.name}' is not above 0")
+        raise ValueError(f"scaled_decoy: scale={scale} of '{asset.name}' is not above 0")
     mesh, points = asset.mesh, asset.scatterers
     length, width, height = asset.size
     return replace(
         asset,
-        name=f"giant {asset.name}",
+        name=f"scaled {asset.name}",
         category="",
         imitates=asset.category,
         size=(scale * length, scale * width, scale * height),

@@ -6,6 +6,7 @@ from typing import Any
 
 from omegaconf import DictConfig
 
+from data_gen.episode import Scenario
 from data_gen.pictures.sensor_sheet import draw_sensors
 from data_gen.pictures.sheet import Image, data_of, short_scene, single_condition, write_sheet
 from data_gen.recording.capture import capture
@@ -22,17 +23,18 @@ def main(cfg: DictConfig) -> None:
     """Draws the sheet that ``cfg.show`` names into ``cfg.out``."""
     out = picture_file(cfg.out)
     rig, mix = build(cfg.rig, "rig"), build(cfg.condition, "condition")
+    scenario: Scenario = build(cfg.scenario, "scenario")
     settings: dict[str, Any] = {"severity": cfg.severity, "seed": cfg.seed}
     if cfg.show == "layouts":
-        draw_layouts(out, rig, mix, **settings)
+        draw_layouts(out, rig, scenario, mix, **settings)
     elif cfg.show == "sensors":
-        draw_sensors(out, rig, mix, layout=cfg.layout, **settings)
+        draw_sensors(out, rig, scenario, mix, layout=cfg.layout, **settings)
     else:
         raise ValueError(f"show={cfg.show} is neither layouts nor sensors")
     print(f"wrote {out}")
 
 
-def draw_layouts(path: Path, rig: Rig, mix: ConditionMix, *, severity: int, seed: int) -> None:
+def draw_layouts(path: Path, rig: Rig, scenario: Scenario, mix: ConditionMix, *, severity: int, seed: int) -> None:
     """Writes the images of the rig's first camera: a row per layout, a column per condition; a row shows the same road and
     traffic throughout, but for the truck that throws up the spray."""
     if not rig.cameras:
@@ -42,7 +44,7 @@ def draw_layouts(path: Path, rig: Rig, mix: ConditionMix, *, severity: int, seed
     names = list(mix.weights)
     rows = []
     for layout in LAYOUTS:
-        scenes = (short_scene(rig, layout, single_condition(mix, name, severity), seed) for name in names)
+        scenes = (short_scene(rig, layout, scenario, single_condition(mix, name, severity), seed) for name in names)
         rows.append([_picture(scene, one_camera, seed) for scene in scenes])
     write_sheet(path, rows, row_names=[label(name) for name in LAYOUTS], column_names=[label(name) for name in names])
 

@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from data_gen.episode import Scenario
 from data_gen.pictures.sheet import Image, data_of, short_scene, single_condition, write_sheet
 from data_gen.recording.capture import Firing, capture, keyframe_times
 from data_gen.rig.rig import Rig
@@ -26,7 +27,9 @@ FAST = 0.5
 """Compensated radial speed in m/s from which a radar return is drawn as a moving one."""
 
 
-def draw_sensors(path: Path, rig: Rig, mix: ConditionMix, *, layout: str, severity: int, seed: int) -> None:
+def draw_sensors(
+    path: Path, rig: Rig, scenario: Scenario, mix: ConditionMix, *, layout: str, severity: int, seed: int
+) -> None:
     """Writes a row per condition: the first camera, the LiDAR and the radars from above, objects outlined, the car on the
     left looking right. LiDAR points are coloured by intensity, radar returns by whether they move, with half a second of their
     radial velocity."""
@@ -34,7 +37,7 @@ def draw_sensors(path: Path, rig: Rig, mix: ConditionMix, *, layout: str, severi
         raise ValueError(f"rig '{rig.name}' lacks a camera, a LiDAR or a radar, and this sheet shows all three")
     rows, names = [], []
     for name in mix.weights:
-        scene = short_scene(rig, layout, single_condition(mix, name, severity), seed)
+        scene = short_scene(rig, layout, scenario, single_condition(mix, name, severity), seed)
         firings = [firing for firing in capture(scene, rig, keyframes=1, seed=seed) if firing.is_keyframe]
         time = float(keyframe_times(rig, 1)[0])
         boxes = _boxes(scene, time)

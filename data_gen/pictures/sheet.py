@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from data_gen.episode import build_episode
+from data_gen.episode import Scenario, build_episode
 from data_gen.recording.capture import Firing
 from data_gen.rig.coverage import sector_covered
 from data_gen.rig.mounts import Mount
@@ -32,11 +32,17 @@ def single_condition(mix: ConditionMix, name: str, severity: int) -> ConditionMi
     return replace(mix, weights={name: 1.0}, severity=min(severity, len(mix.presets[name])))
 
 
-def short_scene(rig: Rig, layout: str, condition: ConditionMix, seed: int) -> Scene:
+def short_scene(rig: Rig, layout: str, scenario: Scenario, condition: ConditionMix, seed: int) -> Scene:
     """A scene of one keyframe for the rig; the same seed gives the same road and traffic in every condition."""
     view = sector_covered(rig)
     return build_episode(
-        name=layout, layout=layout, seed=seed, duration=rig.duration(1), condition=condition, view=view
+        name=layout,
+        layout=layout,
+        seed=seed,
+        duration=rig.duration(1),
+        scenario=scenario,
+        condition=condition,
+        view=view,
     )
 
 

@@ -37,7 +37,7 @@ LABEL_RANGE = 60.0
 """Metres from the ego within which an object is annotated."""
 MIN_RAYS = 4
 """Camera and LiDAR rays of a keyframe that must reach an object for it to be annotated there: nuScenes' annotators label
-what they can see, and a radar's faint echo from below the lorry in front is not seeing."""
+what they can see, and a radar's faint echo from below the truck in front is not seeing."""
 DECOY = "movable_object.debris"
 """Category of what is no object but looks like one to some sensor: no detection class, so every metric ignores it, and one
 of nuScenes' own, so that the devkit draws it."""

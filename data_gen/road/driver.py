@@ -1,4 +1,4 @@
-"""Drivers and streets: highway-env's IDM and MOBIL traffic, quick enough to be stepped for every scene."""
+"""Drivers and the road they share: highway-env's IDM and MOBIL traffic, quick enough to be stepped for every scene."""
 
 import math
 
@@ -13,7 +13,7 @@ from data_gen.road.footprints import overlaps
 from data_gen.road.halts import BRAKE, NEVER
 
 
-class Streets(RegulatedRoad):
+class SimulatedRoad(RegulatedRoad):
     """A road on which everybody keeps its lane coordinates, so that neighbours are looked up instead of projected."""
 
     def __init__(self, network: RoadNetwork, rng: np.random.Generator, *, crossing: bool) -> None:
@@ -100,11 +100,11 @@ class Driver(IDMVehicle):
     LATERAL_MAX = 5.0  # m/s^2 across: highway-env's drivers turn with 11 and more
     LENGTH, WIDTH = EGO_SIZE  # of everybody: bodies are put on the recorded tracks later
 
-    road: Streets
+    road: SimulatedRoad
     position: np.ndarray
 
     def __init__(
-        self, road: Streets, index: LaneIndex, s: float, speed: float, *, target_speed: float, route, change: bool
+        self, road: SimulatedRoad, index: LaneIndex, s: float, speed: float, *, target_speed: float, route, change: bool
     ):
         # The base classes would search every lane for the one we know.
         lane = road.network.get_lane(index)

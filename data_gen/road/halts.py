@@ -5,8 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-HALTS = 0.08
-"""Fraction of the scenes in which the ego stands all or part of the time, besides those in which a queue stops it."""
 BRAKE = 2.5
 """m/s^2 of an ordinary stop."""
 
@@ -30,9 +28,9 @@ class Halt:
 NEVER = Halt(math.inf, math.inf)
 
 
-def choose_halt(rng: np.random.Generator, duration: float) -> Halt:
-    """Mostly none; else standing throughout, setting off, or coming to a halt within the ``duration`` in seconds."""
-    if rng.uniform() >= HALTS:
+def choose_halt(rng: np.random.Generator, duration: float, probability: float) -> Halt:
+    """None, or with a ``probability`` one that stands throughout, sets off, or halts within the ``duration`` in seconds."""
+    if rng.uniform() >= probability:
         return NEVER
     change = rng.uniform(0.1, 0.8) * duration
     return (Halt(-math.inf, math.inf), Halt(-math.inf, change), Halt(change, math.inf))[rng.integers(3)]

@@ -4,7 +4,6 @@ highway-env's y points to the right and its ``velocity`` leaves out the slip ang
 and nowhere else.
 """
 
-import difflib
 import string
 from dataclasses import dataclass
 from typing import Literal
@@ -13,13 +12,15 @@ import numpy as np
 from highway_env.road.lane import AbstractLane, StraightLane
 from numpy.typing import NDArray
 
-from data_gen.road.driver import Driver, Streets
+from data_gen.road.driver import Driver, SimulatedRoad
 from data_gen.road.ego import REAR_AXLE
 from data_gen.road.footprints import overlaps
 from data_gen.road.halts import BRAKE, NEVER, Halt, choose_halt
-from data_gen.road.streets import CROSSING, LAYOUTS, PACE, build_network
+from data_gen.road.streets import CROSSING, LAYOUTS, build_network
 from data_gen.road.track import Track
-from fusion_net.common.random import stream
+from data_gen.road.traffic_settings import Traffic
+from fusion_net.common.checks import check_names
+from fusion_net.common.random import stream, uniform
 
 __all__ = ["LAYOUTS", "Lane", "Layout", "record_layout"]
 
@@ -84,70 +85,70 @@ class Layout:
     extent: tuple[float, float]
 
 
-def record_layout(name: str, *, seed: int, duration: float, traffic: float = 1.0) -> Layout:
-    """An episode of ``duration`` seconds on a layout of :data:`LAYOUTS`. ``traffic`` scales the number of vehicles.
+def record_layout(name: str, *, seed: int, duration: float, traffic: Traffic) -> Layout:
+    """An episode of ``duration`` seconds on a layout of :data:`LAYOUTS`.
 
     The same seed gives the same episode, whatever was made before. One in which two vehicles touch is drawn again.
     """
-    if name not in LAYOUTS:
-        near = difflib.get_close_matches(name, LAYOUTS, 1, 0.0)
-        raise ValueError(f"layout: unknown layout '{name}'; did you mean '{near[0]}'? There are {', '.join(LAYOUTS)}")
+    check_names("layout", [name], LAYOUTS)
     if not duration > 0:
         raise ValueError(f"layout '{name}': duration={duration} s is not above 0")
-    halt = choose_halt(stream(seed, "halt", name), duration)  # once: a collision does not make it rarer
+    # once: a collision does not make it rarer
+    halt = choose_halt(stream(seed, "halt", name), duration, traffic.waiting_probability)
     for attempt in range(ATTEMPTS):
         rng = stream(seed, "layout", name, attempt)
-        pace = rng.uniform(*PACE[name])
-        streets = Streets(build_network(name, pace, rng), rng, crossing=name in CROSSING)
-        _fill(streets, name, pace, traffic, halt)
-        states = _simulate(streets, warm_up=rng.uniform(*WARM_UP), duration=duration)
+        pace = uniform(rng, traffic.speed[name])
+        road = SimulatedRoad(build_network(name, pace, rng), rng, crossing=name in CROSSING)
+        _fill(road, name, pace, traffic, halt)
+        states = _simulate(road, warm_up=rng.uniform(*WARM_UP), duration=duration)
         if states is not None:
-            return _layout(name, streets, states)
+            return _layout(name, road, states)
     raise ValueError(
-        f"layout '{name}', seed {seed}: {ATTEMPTS} draws in a row end in a collision; lower traffic={traffic}"
+        f"layout '{name}', seed {seed}: {ATTEMPTS} attempts in a row end in a collision;"
+        f" lower scenario.traffic.density={traffic.density}"
     )
 
 
-def _fill(streets: Streets, name: str, pace: float, traffic: float, halt: Halt) -> None:
+def _fill(road: SimulatedRoad, name: str, pace: float, traffic: Traffic, halt: Halt) -> None:
     """Put the ego (first) and others around it on the lanes, with gaps for their speeds, some of them in a queue. Where
     the ego halts and no ways cross, all who go its way creep."""
-    rng = streets.np_random
-    lanes = streets.network.lanes_dict()
+    rng = road.np_random
+    lanes = road.network.lanes_dict()
     indices, change = list(lanes), name not in CROSSING
-    share = np.minimum([lane.length for lane in lanes.values()], 250.0)
-    index, s = _start(streets, name, rng, halt)
-    target = pace * rng.uniform(0.85, 1.1)
+    weight = np.minimum([lane.length for lane in lanes.values()], 250.0)
+    index, s = _start(road, name, rng, halt)
+    target = pace * uniform(rng, traffic.ego_speed_factor)
     speed = min(target * rng.uniform(0.7, 1.0), lanes[index].speed_limit, halt.approach_speed(WARM_UP[0]))
-    s -= speed**2 / (2 * BRAKE) if streets.crossing and halt is not NEVER else 0.0
-    ego = Driver(streets, index, s, speed, target_speed=target, route=_route(streets, index, rng), change=change)
+    s -= speed**2 / (2 * BRAKE) if road.crossing and halt is not NEVER else 0.0
+    ego = Driver(road, index, s, speed, target_speed=target, route=_route(road, index, rng), change=change)
     ego.halt = halt
-    streets.vehicles.append(ego)
+    road.vehicles.append(ego)
     reach = 70.0 + 1.5 * speed
-    queue = rng.uniform(0.0, 3.0) * (rng.uniform() < 0.5) if rng.uniform() < 0.25 else None
-    tries = round(traffic * rng.uniform(30, 80))
-    for i, part in zip(rng.choice(len(indices), tries, p=share / share.sum()), rng.uniform(size=tries), strict=True):
+    queue = rng.uniform(0.0, 3.0) * (rng.uniform() < 0.5) if rng.uniform() < traffic.queue_probability else None
+    tries = round(traffic.density * rng.uniform(30, 80))
+    for i, part in zip(rng.choice(len(indices), tries, p=weight / weight.sum()), rng.uniform(size=tries), strict=True):
         index, lane = indices[i], lanes[indices[i]]
         s = part * lane.length if lane.length < 500 else _along(lane, ego) + (2 * part - 0.6) * reach
         place = lane.position(s, 0.0) - ego.position
         ahead = place @ ego.direction
         if not -45 < ahead < reach or abs(place @ [-ego.direction[1], ego.direction[0]]) > 70:
             continue
-        target = pace * rng.uniform(0.6, 1.15)
+        target = pace * uniform(rng, traffic.speed_factor)
         if queue is not None and ahead > 12 + speed**2 / 6:
             target = max(queue, 0.01)
-        if halt is not NEVER and not streets.crossing and np.cos(lane.heading_at(s) - ego.heading) > 0.5:
+        if halt is not NEVER and not road.crossing and np.cos(lane.heading_at(s) - ego.heading) > 0.5:
             target = max(rng.uniform(*CREEP), 0.01)
         speed = min(target * rng.uniform(0.8, 1.0), lane.speed_limit)
-        route = _route(streets, index, rng)
-        driver = Driver(streets, index, s, speed, target_speed=target, route=route, change=change)
-        if all(_room(driver, other) for other in streets.vehicles):
-            streets.vehicles.append(driver)
+        route = _route(road, index, rng)
+        driver = Driver(road, index, s, speed, target_speed=target, route=route, change=change)
+        if all(_room(driver, other) for other in road.vehicles):
+            road.vehicles.append(driver)
 
 
-def _start(streets: Streets, name: str, rng: np.random.Generator, halt: Halt) -> tuple:
+def _start(road: SimulatedRoad, name: str, rng: np.random.Generator, halt: Halt) -> tuple:
     """Where the ego begins: not where a lane is about to end for good; who halts at an intersection, before its line."""
-    lanes = streets.network.lanes_dict()
-    leads_on = {start for start in streets.network.graph if not start.startswith("o")}  # o: the intersection's far ends
+    lanes = road.network.lanes_dict()
+    leads_on = {start for start in road.network.graph if not start.startswith("o")}  # o: the intersection's far ends
     before_line = halt is not NEVER and name == "intersection"
     starts = "o" if before_line else _START[name]
     choices = [
@@ -166,11 +167,11 @@ def _along(lane: AbstractLane, driver: Driver) -> float:
     return lane.local_coordinates(driver.position)[0]
 
 
-def _route(streets: Streets, index: tuple, rng: np.random.Generator) -> list | None:
+def _route(road: SimulatedRoad, index: tuple, rng: np.random.Generator) -> list | None:
     """A random way through the next crossings; None where highway-env's nearest next lane is the way."""
-    if not streets.crossing:
+    if not road.crossing:
         return None
-    route, graph = [index], streets.network.graph
+    route, graph = [index], road.network.graph
     while route[-1][1] in graph and len(route) < 6:
         at = route[-1][1]
         route.append((at, str(rng.choice(sorted(graph[at]))), None))
@@ -192,23 +193,23 @@ def _room(driver: Driver, other: Driver) -> bool:
     return abs(along) > 8.5 + 0.6 * behind.speed + closing**2 / 4
 
 
-def _simulate(streets: Streets, *, warm_up: float, duration: float) -> Array | None:
+def _simulate(road: SimulatedRoad, *, warm_up: float, duration: float) -> Array | None:
     """States (T, N, 5) as x, y, heading, speed, slip at every STEP; None if two vehicles touch."""
     count = int(np.ceil(duration / STEP - 1e-9))
-    streets.clock = -STEP * round(warm_up / STEP)
+    road.clock = -STEP * round(warm_up / STEP)
     for k in range(round(warm_up / STEP)):
         if k % DECISION == 0:
-            streets.act()
-        streets.step(STEP)
-    states = np.empty((count + 1, len(streets.vehicles), 5))
+            road.act()
+        road.step(STEP)
+    states = np.empty((count + 1, len(road.vehicles), 5))
     for k, row in enumerate(states):
-        before = [vehicle.slip for vehicle in streets.vehicles]
+        before = [vehicle.slip for vehicle in road.vehicles]
         if k % DECISION == 0:
-            streets.act()
-        for state, vehicle, old in zip(row, streets.vehicles, before, strict=True):
+            road.act()
+        for state, vehicle, old in zip(row, road.vehicles, before, strict=True):
             slip = (old + vehicle.next_slip(STEP)) / 2  # a record lies between two steps
             state[:] = *vehicle.position, vehicle.heading, vehicle.speed, slip
-        streets.step(STEP)
+        road.step(STEP)
     a, b = np.triu_indices(states.shape[1], 1)
     touch = overlaps(states[:, a, :2], states[:, a, 2], (5.2, 2.1), states[:, b, :2], states[:, b, 2], (5.2, 2.1))
     return None if touch.any() else states
@@ -231,14 +232,14 @@ def _track(states: Array, offset: float = 0.0) -> Track:
     )
 
 
-def _layout(name: str, streets: Streets, states: Array) -> Layout:
+def _layout(name: str, road: SimulatedRoad, states: Array) -> Layout:
     ego = _track(states[:, 0], -REAR_AXLE)
     low = ego.position[:, :2].min(axis=0) - MARGIN
     extent = ego.position[:, :2].max(axis=0) + MARGIN - low
     shift = np.append(-low, 0.0)
     distance = np.linalg.norm(states[:, 1:, :2] - states[:, :1, :2], axis=-1).min(axis=0)
     vehicles = [_track(states[:, 1 + i]).shifted(shift) for i in np.flatnonzero(distance < SIGHT)]
-    lanes = [piece for lane in streets.network.lanes_list() for piece in _polylines(lane, low, extent)]
+    lanes = [piece for lane in road.network.lanes_list() for piece in _polylines(lane, low, extent)]
     return Layout(name, lanes, ego.shifted(shift), vehicles, (float(extent[0]), float(extent[1])))
 
 

@@ -25,18 +25,6 @@ from highway_env.road.road import RoadNetwork
 
 Rng = np.random.Generator
 
-PACE = {
-    "highway": (12.0, 31.0),
-    "merge": (10.0, 28.0),
-    "exit": (10.0, 27.0),
-    "roundabout": (6.0, 12.0),
-    "intersection": (6.0, 13.0),
-    "two_way": (8.0, 25.0),
-    "racetrack": (6.0, 14.0),
-    "u_turn": (6.0, 14.0),
-}
-"""Range of a scene's desired speed in m/s."""
-
 CROSSING = ("roundabout", "intersection")
 """Layouts where ways cross: somebody has to yield, and nobody changes lanes."""
 

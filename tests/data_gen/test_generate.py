@@ -3,12 +3,12 @@ import hashlib
 import json
 import shlex
 import shutil
+from dataclasses import replace
 from datetime import UTC, datetime
 
 import pytest
 from hydra import compose, initialize_config_dir
 
-from data_gen.episode import Scenario
 from data_gen.generate import DataConfig, Job, generate, record_path
 from data_gen.jobs.manifest import FORMAT, only_generator, without_place
 from data_gen.jobs.shard import Shard
@@ -18,6 +18,7 @@ from data_gen.scene.conditions import ConditionMix, Preset
 from fusion_net.common.cli.command import CONFIGS
 from fusion_net.nuscenes.nuscenes import NuScenes
 from tests.fixtures.lidar_models import HDL32E
+from tests.fixtures.scenarios import MIXED
 
 COMMAND = "python -m data_gen data=nano condition=fog"
 
@@ -46,7 +47,7 @@ def job(root, rig, *, num_scenes=3, seed=5, **weights):
     data = DataConfig(
         name="tiny", root=str(root), num_scenes=num_scenes, keyframes=2, split_weights=weights or {"train": 1, "val": 1}
     )
-    scenario = Scenario(layouts={"train": {"highway": 1, "two_way": 1}})
+    scenario = replace(MIXED, layouts={"train": {"highway": 1, "two_way": 1}})
     clear = Preset(illuminance=[40_000.0, 80_000.0], sun_elevation=[30.0, 60.0])
     condition = ConditionMix(presets={"clear": [clear]}, weights={"clear": 1.0})
     return Job(data=data, rig=rig, scenario=scenario, condition=condition, seed=seed)

@@ -18,7 +18,7 @@ from pyquaternion import Quaternion
 MARGIN = 0.1
 """Metres that a box is grown by on every side before LiDAR points are counted: some standard deviations of the range."""
 SEEN_TO = 55.0
-"""Metres of depth up to which objects are labelled, less half a lorry."""
+"""Metres of depth up to which objects are labelled, less half a truck."""
 
 
 def check_boxes(tree: NuScenes, samples: list[dict]) -> Iterator[Finding]:

@@ -31,7 +31,7 @@ TRUCK_SIZES = {
 
 
 def truck(variant: str, paint: Material) -> Asset:
-    """A rigid lorry or a tractor unit of the named kind; the cab wears the paint."""
+    """A rigid truck or a tractor unit of the named kind; the cab wears the paint."""
     size = length, width, height = TRUCK_SIZES[variant]
     half, cab_length = length / 2, {"tractor": 2.2, "small box": 1.5}.get(variant, 1.75)
     cab_height = {"tractor": height, "small box": 2.2, "box": 2.75}.get(variant, 2.7)

@@ -14,7 +14,7 @@ TEXTURES = (
     "brick",
     "facade",
     "foliage",
-    "hoarding",
+    "billboard",
     "metal",
     "fabric",
     "wood",

@@ -56,7 +56,7 @@ def metal_plate(variant: str) -> Asset:
 
 # name: height of the lower edge, what the picture is on, words as (text, middle (y, z), letter height, colour)
 BILLBOARDS = {
-    "low": (0.2, Material((0.75, 0.55, 0.05), 0.5, "hoarding"), ()),
+    "low": (0.2, Material((0.75, 0.55, 0.05), 0.5, "billboard"), ()),
     "high": (2.2, lacquer((0.03, 0.30, 0.55)), (("SALE", (0.0, 2.1), 0.9, PRINT), ("50 %", (0.0, 0.85), 0.8, SUNNY))),
     "poster": (
         0.6,
@@ -72,7 +72,7 @@ BILLBOARDS = {
 
 
 def billboard(variant: str) -> Asset:
-    """A hoarding of 6 by 3 metres on two posts, or down on the ground: a builder's stripes, or a poster."""
+    """A billboard of 6 by 3 metres on two posts, or down on the ground: a builder's stripes, or a poster."""
     low, ground, words = BILLBOARDS[variant]
     frame = lacquer((0.10, 0.10, 0.11))
     parts = [box((0.06, y - 0.1, 0), (0.26, y + 0.1, low + 2.8), frame) for y in (-2.0, 2.0)]

@@ -1,4 +1,5 @@
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -7,7 +8,6 @@ from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 from scipy.stats import binom, ks_2samp
 
-from data_gen.actors.roadside_actors import DECOY_SHARE
 from data_gen.actors.stage import Stage
 from data_gen.actors.traffic import populate, towed
 from data_gen.road.ego import REAR_AXLE
@@ -17,14 +17,21 @@ from data_gen.road.track import Track
 from data_gen.scene.scene import STANDSTILL, Actor
 from data_gen.world.marks import crossings
 from fusion_net.common.nuscenes_format import CATEGORY_TO_CLASS, CLASSES
+from tests.fixtures.scenarios import MIXED
 
 DURATION = 1.6
 
 
 @pytest.fixture(scope="module")
 def scenes() -> list[tuple[Layout, list[Actor]]]:
-    layouts = [record_layout(LAYOUTS[seed % len(LAYOUTS)], seed=seed, duration=DURATION) for seed in range(24)]
-    return [(layout, populate(layout, seed=seed)) for seed, layout in enumerate(layouts)]
+    layouts = [
+        record_layout(LAYOUTS[seed % len(LAYOUTS)], seed=seed, duration=DURATION, traffic=MIXED.traffic)
+        for seed in range(24)
+    ]
+    return [
+        (layout, populate(layout, seed=seed, traffic=MIXED.traffic, roadside=MIXED.roadside))
+        for seed, layout in enumerate(layouts)
+    ]
 
 
 def test_no_two_bodies_ever_overlap(scenes: list[tuple[Layout, list[Actor]]]) -> None:
@@ -98,10 +105,10 @@ def standing() -> dict[str, dict[bool, np.ndarray]]:
     heading against the nearest lane (rad, 0..pi/2), one row a body. Kinds that share one way of placing are pooled."""
     rows: dict[str, dict[bool, list]] = {kind: {True: [], False: []} for kind in ("large", "machine", "pedestrian")}
     for seed in range(100, 180):
-        layout = record_layout(LAYOUTS[seed % len(LAYOUTS)], seed=seed, duration=0.4)
+        layout = record_layout(LAYOUTS[seed % len(LAYOUTS)], seed=seed, duration=0.4, traffic=MIXED.traffic)
         centres, yaw = (np.concatenate([getattr(lane, key) for lane in layout.lanes]) for key in ("centre", "yaw"))
         tree, half = cKDTree(centres), np.concatenate([lane.width for lane in layout.lanes]) / 2
-        for actor in populate(layout, seed=seed):
+        for actor in populate(layout, seed=seed, traffic=MIXED.traffic, roadside=MIXED.roadside):
             is_decoy = actor.asset.name.startswith("decoy ")
             if not is_decoy and actor.attribute not in ("vehicle.parked", "pedestrian.standing"):
                 continue
@@ -120,10 +127,10 @@ def standing() -> dict[str, dict[bool, np.ndarray]]:
 
 
 @pytest.mark.parametrize("kind", ["large", "machine", "pedestrian"])
-def test_the_stated_share_of_what_stands_is_a_decoy(standing, kind) -> None:
-    """Every body that may be a decoy is one with probability ``DECOY_SHARE``: the count is binomial."""
+def test_the_stated_fraction_of_what_stands_is_a_decoy(standing, kind) -> None:
+    """Every body that may be a decoy is one with probability ``decoy_probability``: the count is binomial."""
     decoys, real = len(standing[kind][True]), len(standing[kind][False])
-    low, high = binom.interval(0.999, decoys + real, DECOY_SHARE)
+    low, high = binom.interval(0.999, decoys + real, MIXED.roadside.decoy_probability)
     assert low <= decoys <= high, (kind, decoys, real)
 
 
@@ -138,14 +145,16 @@ def test_decoys_stand_where_and_how_real_ones_stand(standing, kind, quantity) ->
 def test_most_who_cross_the_road_in_sight_of_a_zebra_crossing_do_so_on_it() -> None:
     on, off = 0, 0
     for seed in range(200, 260):
-        layout = record_layout(("two_way", "intersection", "roundabout")[seed % 3], seed=seed, duration=0.4)
+        layout = record_layout(
+            ("two_way", "intersection", "roundabout")[seed % 3], seed=seed, duration=0.4, traffic=MIXED.traffic
+        )
         lanes = cKDTree(np.concatenate([lane.centre for lane in layout.lanes]))
         yaw = np.concatenate([lane.yaw for lane in layout.lanes])
         view = Stage(layout, np.random.default_rng(0))
         zebras = [zebra for zebra in crossings(layout) if view.visibility(zebra.middle) > 0.3]
         if not zebras:
             continue
-        for actor in populate(layout, seed=seed):
+        for actor in populate(layout, seed=seed, traffic=MIXED.traffic, roadside=MIXED.roadside):
             at, heading = actor.track.position[0, :2], actor.track.yaw[0]
             distance, near = lanes.query(at)
             if actor.attribute == "pedestrian.moving" and distance < 3.0 and abs(np.sin(heading - yaw[near])) > 0.9:
@@ -158,10 +167,18 @@ def test_most_who_cross_the_road_in_sight_of_a_zebra_crossing_do_so_on_it() -> N
 
 
 def test_populate_depends_on_its_seed_alone() -> None:
-    layout = record_layout("intersection", seed=5, duration=DURATION)
-    first = populate(layout, seed=5)
-    populate(record_layout("highway", seed=1, duration=DURATION), seed=1)
-    second, other = populate(layout, seed=5), populate(layout, seed=6)
+    layout = record_layout("intersection", seed=5, duration=DURATION, traffic=MIXED.traffic)
+    first = populate(layout, seed=5, traffic=MIXED.traffic, roadside=MIXED.roadside)
+    populate(
+        record_layout("highway", seed=1, duration=DURATION, traffic=MIXED.traffic),
+        seed=1,
+        traffic=MIXED.traffic,
+        roadside=MIXED.roadside,
+    )
+    second, other = (
+        populate(layout, seed=5, traffic=MIXED.traffic, roadside=MIXED.roadside),
+        populate(layout, seed=6, traffic=MIXED.traffic, roadside=MIXED.roadside),
+    )
     describe = [
         [(a.asset.name, a.attribute, a.track.position.tolist()) for a in actors] for actors in (first, second, other)
     ]
@@ -170,9 +187,10 @@ def test_populate_depends_on_its_seed_alone() -> None:
 
 
 def test_an_empty_road_is_legitimate() -> None:
-    layout = record_layout("two_way", seed=2, duration=DURATION)
+    layout = record_layout("two_way", seed=2, duration=DURATION, traffic=MIXED.traffic)
     alone = Layout(layout.name, layout.lanes, layout.ego, [], layout.extent)
-    assert populate(alone, seed=0, density=0.0) == []
+    empty = replace(MIXED.roadside, density=0.0)
+    assert populate(alone, seed=0, traffic=MIXED.traffic, roadside=empty) == []
 
 
 def test_a_trailer_on_a_straight_follows_in_line_and_in_a_bend_cuts_in() -> None:

@@ -8,7 +8,16 @@ import pytest
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
-from data_gen.assets.catalogue import PAINTS, PROPS, VARIANT_NAMES, VARIANTS, _build, build_asset, decoy_of, giant
+from data_gen.assets.catalogue import (
+    PAINTS,
+    PROPS,
+    VARIANT_NAMES,
+    VARIANTS,
+    _build,
+    build_asset,
+    decoy_of,
+    scaled_decoy,
+)
 from data_gen.assets.shapes.mesh import TEXTURES
 from fusion_net.common.nuscenes_format import CATEGORY_TO_CLASS, CLASSES
 
@@ -190,7 +199,7 @@ def test_who_walks_moves_legs_and_arms_within_the_box():
     ahead = [phase.vertices[phase.vertices[:, 2] < 0.25] for phase in (walker.gait[0], walker.gait[half])]
     leading = [np.sign(feet[feet[:, 0].argmax(), 1]) for feet in ahead]
     assert leading[0] == -leading[1] != 0
-    assert giant(walker).gait == ()
+    assert scaled_decoy(walker).gait == ()
 
 
 def test_reflectivity_follows_material():
@@ -249,13 +258,13 @@ def test_decoy_differs_for_the_camera_alone(kind, variant):
     distance = np.linalg.norm(decoy.mesh.surface.albedo - asset.mesh.surface.albedo, axis=1)
     assert distance.min() > 0.4
     assert decoy.mesh.surface.emission.max() == 0
-    assert np.all(decoy.mesh.surface.texture == TEXTURES.index("hoarding"))
+    assert np.all(decoy.mesh.surface.texture == TEXTURES.index("billboard"))
 
 
-def test_giant_looks_alike_at_twice_the_distance():
+def test_scaled_decoy_looks_alike_at_twice_the_distance():
     child = build_asset("pedestrian", VARIANT_NAMES["pedestrian"].index("child standing"))
-    figure = giant(child, 2.0)
-    assert figure is giant(child, 2.0)
+    figure = scaled_decoy(child, 2.0)
+    assert figure is scaled_decoy(child, 2.0)
     assert figure.category == ""
     eye = np.array([0.0, 0.0, 1.5])
     near, far = (
@@ -265,7 +274,7 @@ def test_giant_looks_alike_at_twice_the_distance():
     assert figure.mesh.surface is child.mesh.surface
     np.testing.assert_allclose(figure.scatterers.rcs - child.scatterers.rcs, 6.02, atol=0.01)
     with pytest.raises(ValueError, match="scale=-1"):
-        giant(child, -1.0)
+        scaled_decoy(child, -1.0)
 
 
 def test_same_arguments_give_the_same_object_and_the_same_bytes():

@@ -11,6 +11,7 @@ from data_gen.rig.mounts import Camera, Lidar, Radar
 from data_gen.rig.rig import Rig
 from data_gen.scene.conditions import ConditionMix, Preset
 from tests.fixtures.lidar_models import HDL32E
+from tests.fixtures.scenarios import MIXED
 
 CAMERA = Camera(translation=[1.7, 0.0, 1.5], rate=30.0, width=48, height=24, hfov_deg=70.0)
 RIG = Rig(
@@ -36,7 +37,9 @@ def test_tiles_are_written_pixel_by_pixel_beside_their_names(tmp_path):
 
 
 def test_the_road_and_its_traffic_are_the_same_in_every_condition():
-    clear, fog = (short_scene(RIG, "two_way", single_condition(MIX, name, 3), seed=3) for name in ("clear", "fog"))
+    clear, fog = (
+        short_scene(RIG, "two_way", MIXED, single_condition(MIX, name, 3), seed=3) for name in ("clear", "fog")
+    )
     assert fog.condition.visibility == 50.0
     assert clear.condition.severity == 1  # it has no other
     np.testing.assert_array_equal(clear.ego.position, fog.ego.position)
@@ -46,9 +49,9 @@ def test_the_road_and_its_traffic_are_the_same_in_every_condition():
 @pytest.mark.slow
 def test_every_layout_and_every_sensor_has_its_place(tmp_path):
     settings = {"severity": 2, "seed": 3}
-    draw_layouts(tmp_path / "layouts.png", RIG, MIX, **settings)
+    draw_layouts(tmp_path / "layouts.png", RIG, MIXED, MIX, **settings)
     assert cv2.imread(str(tmp_path / "layouts.png")).shape == (HEAD + 8 * (24 + GAP), SIDE + 2 * (48 + GAP), 3)
-    draw_sensors(tmp_path / "sensors.jpg", RIG, MIX, layout="two_way", **settings)
+    draw_sensors(tmp_path / "sensors.jpg", RIG, MIXED, MIX, layout="two_way", **settings)
     sheet = cv2.imread(str(tmp_path / "sensors.jpg"))
     clear, fog = sheet[HEAD : HEAD + 240, 164:964].std(), sheet[HEAD + 240 + GAP : HEAD + 480 + GAP, 164:964].std()
     assert fog < 0.8 * clear  # of the camera's tile
@@ -64,7 +67,7 @@ def test_every_layout_and_every_sensor_has_its_place(tmp_path):
 def test_a_rig_without_what_the_sheet_shows_is_refused(tmp_path, sheet, rig, message):
     layout = {"layout": "two_way"} if sheet is draw_sensors else {}
     with pytest.raises(ValueError, match=message):
-        sheet(tmp_path / "sheet.png", rig, MIX, severity=1, seed=0, **layout)
+        sheet(tmp_path / "sheet.png", rig, MIXED, MIX, severity=1, seed=0, **layout)
 
 
 def test_a_severity_below_the_mildest_is_refused():

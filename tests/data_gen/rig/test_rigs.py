@@ -7,7 +7,6 @@ import pytest
 from hydra import compose, initialize_config_dir
 from test_rig_checks import camera, lidar, radar
 
-from data_gen.episode import Scenario
 from data_gen.generate import DataConfig, Job, generate
 from data_gen.recording.capture import keyframe_times
 from data_gen.rig.rig import Rig
@@ -18,6 +17,7 @@ from fusion_net.common.faults import Fault, FaultPlan
 from fusion_net.data.samples import SampleReader
 from fusion_net.nuscenes.nuscenes import NuScenes
 from tests.fixtures.lidar_models import HDL64E, VLP16, shipped
+from tests.fixtures.scenarios import MIXED
 
 CLEAR = ConditionMix(
     presets={"clear": [Preset(illuminance=[40_000.0, 80_000.0], sun_elevation=[30.0, 60.0])]}, weights={"clear": 1.0}
@@ -27,7 +27,7 @@ CLEAR = ConditionMix(
 def generated(root, *, cameras, radars, lidars=None):
     rig = Rig(name="mine", cameras=cameras, lidars=lidars or {"LIDAR_TOP": lidar()}, radars=radars, sweeps={"radar": 1})
     data = DataConfig(name="mine", root=str(root), num_scenes=1, keyframes=1, split_weights={"train": 1})
-    job = Job(data=data, rig=rig, scenario=Scenario(layouts={"train": {"two_way": 1}}), condition=CLEAR, seed=3)
+    job = Job(data=data, rig=rig, scenario=replace(MIXED, layouts={"train": {"two_way": 1}}), condition=CLEAR, seed=3)
     generate(job, settings={}, workers=1)
     tree = NuScenes(root)
     (token,) = tree.split("all")

@@ -7,13 +7,15 @@ from scipy.stats import binom
 from data_gen.actors.stage import EGO_SIZE
 from data_gen.actors.traffic import populate
 from data_gen.road.footprints import overlaps
-from data_gen.road.halts import BRAKE, HALTS, NEVER, Halt, choose_halt
+from data_gen.road.halts import BRAKE, NEVER, Halt, choose_halt
 from data_gen.road.layout import LAYOUTS, REAR_AXLE, Layout, record_layout
 from fusion_net.common.random import stream
+from tests.fixtures.scenarios import MIXED
 
 DURATION = 3.0
 TIMES = np.linspace(0.0, DURATION, 31)
 STANDS = 0.1
+WAITING = MIXED.traffic.waiting_probability
 
 
 def speeds(track) -> np.ndarray:
@@ -24,14 +26,14 @@ def speeds(track) -> np.ndarray:
 def halting() -> list[tuple[int, Layout]]:
     """Seeds whose ego halts by plan, and their layouts."""
     found = [(seed, LAYOUTS[seed % 8]) for seed in range(240)]
-    found = [(s, name) for s, name in found if choose_halt(stream(s, "halt", name), DURATION) is not NEVER]
-    return [(s, record_layout(name, seed=s, duration=DURATION)) for s, name in found]
+    found = [(s, name) for s, name in found if choose_halt(stream(s, "halt", name), DURATION, WAITING) is not NEVER]
+    return [(s, record_layout(name, seed=s, duration=DURATION, traffic=MIXED.traffic)) for s, name in found]
 
 
 def test_the_stated_fraction_of_scenes_has_a_halt_of_each_kind():
-    halts = [choose_halt(stream(seed, "halt"), DURATION) for seed in range(3000)]
+    halts = [choose_halt(stream(seed, "halt"), DURATION, WAITING) for seed in range(3000)]
     chosen = [halt for halt in halts if halt is not NEVER]
-    low, high = binom.interval(0.999, len(halts), HALTS)
+    low, high = binom.interval(0.999, len(halts), WAITING)
     assert low <= len(chosen) <= high
     kinds = [(np.isinf(halt.start), np.isinf(halt.end)) for halt in chosen]
     for kind in ((True, True), (True, False), (False, True)):
@@ -44,7 +46,7 @@ def test_who_halts_stands_for_a_part_of_the_scene_or_all_of_it(halting):
     for seed, layout in halting:
         still = speeds(layout.ego) < STANDS
         assert still.any(), (seed, layout.name)
-        halt = choose_halt(stream(seed, "halt", layout.name), DURATION)
+        halt = choose_halt(stream(seed, "halt", layout.name), DURATION, WAITING)
         assert still[(halt.start + 0.5 < TIMES) & (halt.end - 0.1 > TIMES)].all(), (seed, layout.name)
         kinds.add((bool(still[0]), bool(still[-1])))
     assert kinds == {(True, True), (True, False), (False, True)}
@@ -64,7 +66,7 @@ def test_others_drive_on_around_a_standing_ego_and_nobody_touches(halting):
     moving = [any(speeds(track).max() > 1.0 for track in layout.vehicles) for _, layout in halting]
     assert np.mean(moving) > 0.7
     for seed, layout in halting[::3]:
-        actors = populate(layout, seed=seed)
+        actors = populate(layout, seed=seed, traffic=MIXED.traffic, roadside=MIXED.roadside)
         position, yaw, _ = layout.ego.at(TIMES)
         ego = position[:, :2] + REAR_AXLE * np.stack([np.cos(yaw), np.sin(yaw)], axis=1)
         for actor in actors:

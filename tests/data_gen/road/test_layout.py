@@ -8,13 +8,14 @@ from highway_env.vehicle.behavior import IDMVehicle
 from data_gen.road.ego import REAR_AXLE
 from data_gen.road.footprints import overlaps
 from data_gen.road.layout import LAYOUTS, Layout, _track, record_layout
+from tests.fixtures.scenarios import MIXED
 
 DURATION = 1.6
 
 
 @pytest.fixture(scope="module")
 def layouts() -> dict[str, Layout]:
-    return {name: record_layout(name, seed=11, duration=DURATION) for name in LAYOUTS}
+    return {name: record_layout(name, seed=11, duration=DURATION, traffic=MIXED.traffic) for name in LAYOUTS}
 
 
 def _numbers(layout: Layout) -> list[np.ndarray]:
@@ -42,7 +43,7 @@ def test_the_same_seed_gives_the_same_tracks_whatever_was_made_before(name: str,
             IntersectionEnv()  # writes on IDMVehicle itself
         assert wanted["COMFORT_ACC_MAX"] != IDMVehicle.COMFORT_ACC_MAX
         np.random.seed(3)  # noqa: NPY002  # the global generator must not matter either
-        assert _same(record_layout(name, seed=11, duration=DURATION), layouts[name])
+        assert _same(record_layout(name, seed=11, duration=DURATION, traffic=MIXED.traffic), layouts[name])
     finally:
         for key, value in wanted.items():
             setattr(IDMVehicle, key, value)
@@ -54,7 +55,7 @@ def test_recording_leaves_no_trace_on_highway_env(layouts: dict[str, Layout]) ->
 
 @pytest.mark.parametrize("name", LAYOUTS)
 def test_another_seed_gives_another_scene(name: str, layouts: dict[str, Layout]) -> None:
-    assert not _same(record_layout(name, seed=12, duration=DURATION), layouts[name])
+    assert not _same(record_layout(name, seed=12, duration=DURATION, traffic=MIXED.traffic), layouts[name])
 
 
 @pytest.mark.parametrize("name", LAYOUTS)
@@ -117,7 +118,7 @@ def test_the_world_holds_the_path_and_its_surroundings(name: str, layouts: dict[
 def test_the_ego_drives_on_a_lane_and_in_its_direction(name: str) -> None:
     speeds = []
     for seed in range(3):
-        layout = record_layout(name, seed=seed, duration=DURATION)
+        layout = record_layout(name, seed=seed, duration=DURATION, traffic=MIXED.traffic)
         point = layout.ego.position[:, :2] + REAR_AXLE * np.stack(
             [np.cos(layout.ego.yaw), np.sin(layout.ego.yaw)], axis=1
         )
@@ -140,7 +141,7 @@ def test_lines_are_on_the_side_of_travel_that_they_name(layouts: dict[str, Layou
 
 def test_bad_input_is_one_clear_line() -> None:
     with pytest.raises(ValueError, match="did you mean 'roundabout'") as error:
-        record_layout("roundabuot", seed=0, duration=1.0)
+        record_layout("roundabuot", seed=0, duration=1.0, traffic=MIXED.traffic)
     assert "\n" not in str(error.value)
     with pytest.raises(ValueError, match="duration=0"):
-        record_layout("highway", seed=0, duration=0.0)
+        record_layout("highway", seed=0, duration=0.0, traffic=MIXED.traffic)

@@ -8,6 +8,7 @@ from data_gen.scene.conditions import Condition
 from data_gen.scene.noise import noise3
 from data_gen.scene.spray import CONTRAST, PATCH, Plumes, optical_depth, penetrate, plumes_at
 from tests.fixtures.box_world import ORIGIN, at, car, path, scene
+from tests.fixtures.scenarios import MIXED
 
 SPRAY = Condition("spray", spray=True, water_film=1.0)
 
@@ -116,13 +117,13 @@ def test_a_ray_of_a_later_time_meets_the_plume_where_it_is_then():
     assert abs(moved - optical_depth(plumes_at(world, 0.0), origins, directions, 60.0)).max() > 0.05
 
 
-def test_the_spray_condition_gets_a_lorry_ahead():
+def test_the_spray_condition_gets_a_truck_ahead():
     for seed in (1, 3):
-        layout = record_layout("highway", seed=seed, duration=2.0)
+        layout = record_layout("highway", seed=seed, duration=2.0, traffic=MIXED.traffic)
         position, yaw, _ = layout.ego.at(1.0)
         ahead = np.array([np.cos(yaw), np.sin(yaw)])
         found = []
-        for actor in populate(layout, seed=seed, lorry_ahead=True):
+        for actor in populate(layout, seed=seed, truck_ahead=True, traffic=MIXED.traffic, roadside=MIXED.roadside):
             there, _, velocity = actor.track.at(1.0)
             fast = velocity[:2] @ ahead > 8 and 5 < (there - position)[:2] @ ahead < 50
             found += [fast and actor.asset.category.split(".")[1:2] in (["truck"], ["bus"])]

@@ -10,6 +10,7 @@ from data_gen.world.ground import GROUND, GROUND_NAMES, GroundMap, ground_table
 from data_gen.world.marks import crossings
 from data_gen.world.paint import DASH, GAP, SHOULDER, VERGE, extend, paint_ground
 from fusion_net.common.random import stream
+from tests.fixtures.scenarios import MIXED
 
 
 def lane(points, left="striped", right="continuous", width=3.6) -> Lane:
@@ -144,7 +145,7 @@ def test_crossings_lie_across_the_four_arms_before_the_junction():
 
 
 def test_no_paint_across_the_junction():
-    recorded = record_layout("intersection", seed=3, duration=2.0)
+    recorded = record_layout("intersection", seed=3, duration=2.0, traffic=MIXED.traffic)
     ground = paint_ground(recorded, rng=stream(3, "test"))
     arms = crossings(recorded)
     assert len(arms) >= 2

@@ -13,6 +13,7 @@ from data_gen.rig.mounts import Lidar, Radar
 from data_gen.rig.rig import Rig
 from data_gen.scene.conditions import Condition, ConditionMix, Preset
 from tests.fixtures.lidar_models import HDL32E
+from tests.fixtures.scenarios import MIXED
 
 RIG = Rig(
     name="tiny",
@@ -31,7 +32,9 @@ def written(request, tmp_path_factory):
     for channel in RIG.sensors:
         (root / "samples" / channel).mkdir(parents=True)
     (root / "maps").mkdir()
-    scene = build_episode(name="scene-00004", layout=request.param, seed=11, duration=3.0, condition=CLEAR)
+    scene = build_episode(
+        name="scene-00004", layout=request.param, seed=11, duration=3.0, condition=CLEAR, scenario=MIXED
+    )
     rows = write_scene(
         scene, RIG, root=root, dataset="tiny", index=4, keyframes=3, seed=11, layout=request.param
     )  # fmt: skip

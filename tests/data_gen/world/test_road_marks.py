@@ -12,6 +12,7 @@ from data_gen.world.ground import EVEN, GROUND_NAMES, TONE_STRIDE, GroundMap
 from data_gen.world.marks import crossings, paint_arrows
 from data_gen.world.paint import paint_ground
 from fusion_net.common.random import stream
+from tests.fixtures.scenarios import MIXED
 
 
 @pytest.mark.parametrize("slope", [0.0, 0.1, 0.34, 1.0])
@@ -27,7 +28,7 @@ def test_cover_gives_the_area_of_a_line_and_of_a_polygon(slope):
 
 
 def test_arrows_lie_within_their_lanes_before_the_stop_line():
-    layout = record_layout("intersection", seed=3, duration=2.0)
+    layout = record_layout("intersection", seed=3, duration=2.0, traffic=MIXED.traffic)
     brush = Brush(layout.extent, 0.1)
     paint_arrows(brush, layout, layout.lanes, stream(0, "arrows"))
     row, column = np.nonzero(brush.canvas)
@@ -44,7 +45,7 @@ def test_arrows_lie_within_their_lanes_before_the_stop_line():
 
 
 def test_a_street_has_crossings_from_kerb_to_kerb_every_eighty_metres():
-    layout = record_layout("two_way", seed=3, duration=2.0)
+    layout = record_layout("two_way", seed=3, duration=2.0, traffic=MIXED.traffic)
     found = crossings(layout)
     ground = paint_ground(layout, rng=stream(3, "ground"))
     assert len(found) >= 2
@@ -59,7 +60,7 @@ def test_a_street_has_crossings_from_kerb_to_kerb_every_eighty_metres():
 
 
 def test_tyres_darken_two_tracks_in_each_lane():
-    layout = record_layout("two_way", seed=6, duration=2.0)
+    layout = record_layout("two_way", seed=6, duration=2.0, traffic=MIXED.traffic)
     ground = paint_ground(layout, rng=stream(6, "ground"))
     lane = layout.lanes[0]
     normal = np.stack([-np.sin(lane.yaw), np.cos(lane.yaw)], axis=1)

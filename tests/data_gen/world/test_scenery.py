@@ -13,6 +13,7 @@ from data_gen.world.paint import KERB, SHOULDER, URBAN, VERGE, paint_ground
 from data_gen.world.roadside import KERB_HEIGHT, kerb_mesh, trace_verges
 from data_gen.world.scenery import BEYOND, REACH, build_world
 from fusion_net.common.random import stream
+from tests.fixtures.scenarios import MIXED
 
 
 def straight_road(name="two_way", y=45.0) -> Layout:
@@ -29,7 +30,7 @@ def straight_road(name="two_way", y=45.0) -> Layout:
 
 @pytest.fixture(scope="module", params=LAYOUTS)
 def built(request):
-    layout = record_layout(request.param, seed=21, duration=3.0)
+    layout = record_layout(request.param, seed=21, duration=3.0, traffic=MIXED.traffic)
     return layout, build_world(layout, seed=21)
 
 
@@ -69,7 +70,7 @@ def test_nothing_stands_on_a_lane(built):
     ("name", "seed"), [("highway", 104), ("exit", 102), ("merge", 101), ("exit", 7), ("highway", 8)]
 )
 def test_gantries_keep_their_feet_off_the_lanes(name, seed):
-    layout = record_layout(name, seed=seed, duration=2.0)
+    layout = record_layout(name, seed=seed, duration=2.0, traffic=MIXED.traffic)
     test_nothing_stands_on_a_lane((layout, build_world(layout, seed=seed)))
 
 

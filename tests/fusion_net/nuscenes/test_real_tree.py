@@ -21,7 +21,7 @@ from tests.fixtures.real_tree import SCENES, edit, write_real_tree
 from tests.fixtures.tiny_tree import write_tree
 from tests.fixtures.training_setup import settings
 
-STEPS = ("trainer.camera_steps=1", "trainer.alone_steps=1", "trainer.fusion_steps=2", "trainer.validate_every=4")
+STEPS = ("trainer.camera_steps=1", "trainer.camera_only_steps=1", "trainer.fusion_steps=2", "trainer.validate_every=4")
 
 
 @pytest.fixture(scope="module")

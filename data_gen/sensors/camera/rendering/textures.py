@@ -77,7 +77,7 @@ def _foliage(x, y, z, footprint, out):
 
 
 @jit
-def _hoarding(u, v, footprint, rgb, out):
+def _billboard(u, v, footprint, rgb, out):
     """Bold printed panels: colour and white in turn, crossed by dark diagonal stripes."""
     column, row = int(np.floor(u / 0.9)), int(np.floor(v / 0.7))
     stripe = band(u + v, 0.8, 0.0, 0.3, 1.4 * footprint)
@@ -140,7 +140,7 @@ def texture(kind, x, y, z, u, v, footprint, rgb, out, night):
     elif kind == _FOLIAGE:
         gain = _foliage(x, y, z, footprint, out)
     elif kind == _HOARDING:
-        _hoarding(u, v, footprint, rgb, out)
+        _billboard(u, v, footprint, rgb, out)
     elif kind == _METAL:
         gain += 0.10 * octave2(u, 0.15 * v, 0.12, footprint, 61) + 0.06 * octave2(u, v, 0.8, footprint, 62)
     elif kind == _FABRIC:

@@ -3,7 +3,6 @@
 from omegaconf import DictConfig
 
 from fusion_net.common.cli.command import command
-from fusion_net.common.cli.command_line import command_line
 
 
 @command(config_name="train")
@@ -20,7 +19,6 @@ def main(cfg: DictConfig) -> None:
         cfg.resume = (folder / "checkpoints" / "last.ckpt").exists()
         cfg.overwrite = not cfg.resume
     fit(cfg)
-    print(f"done; score it with: {command_line('eval.py', run=folder)}")
 
 
 if __name__ == "__main__":

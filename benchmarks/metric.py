@@ -15,7 +15,7 @@ import numpy as np
 
 from fusion_net.common.bev_grid import BEVGrid
 from fusion_net.common.nuscenes_format import CLASSES
-from fusion_net.evaluation.bootstrap import bootstrap_map, draw_scenes
+from fusion_net.evaluation.bootstrap import bootstrap_map, resample_scenes
 from fusion_net.evaluation.scoring import GroundTruth
 from fusion_net.metrics.detection import DetectionMetric, DetectionMetrics
 from fusion_net.metrics.matching import TP_ERRORS
@@ -43,7 +43,7 @@ def ours(root: Path, split: str, results: Path) -> tuple[DetectionMetrics, dict[
     matches = truth.official_matches(found)
     score = truth.official_metric.summarise(matches)
     clock.append(time.perf_counter())
-    draws = draw_scenes(truth.scenes, resamples=RESAMPLES, rng=np.random.default_rng(0))
+    draws = resample_scenes(truth.scenes, resamples=RESAMPLES, rng=np.random.default_rng(0))
     bootstrap_map(truth.official_metric, matches, draws)
     clock.append(time.perf_counter())
     names = ("tree", "boxes", "metric", f"bootstrap_{RESAMPLES}")

@@ -35,20 +35,20 @@ def load_run(
     version: str | None = None,
     fault: DictConfig | None = None,
 ) -> tuple[FusionNet, NuScenesDataset, DictConfig]:
-    """A trained model in evaluation mode, the samples of a split, spoiled by ``fault``, and the settings it was trained
+    """A trained model in evaluation mode, the samples of a split with ``fault`` applied, and the settings it was trained
     with. ``split``, ``root`` and ``version`` are those that the run validated on where they are None."""
     cfg = load_config(folder)
-    reader = cfg.reader.val.copy()
+    settings = cfg.dataset.val.copy()
     own_version = cfg.data.get("version")
     is_own_data = (root is None or is_same_data(root, cfg.data.root)) and version in (None, own_version)
-    reader.root, reader.cache = cfg.data.root if root is None else root, False
-    reader.version = own_version if is_own_data else version
-    reader.split = split or reader.split
+    settings.root, settings.cache = cfg.data.root if root is None else root, False
+    settings.version = own_version if is_own_data else version
+    settings.split = split or settings.split
     if fault is not None:
-        reader.faults = fault
+        settings.faults = fault
     model = build(cfg.model, "model")
     load_weights(model, folder / "checkpoints" / f"{checkpoint}.ckpt")
-    dataset = build(reader, "reader")
+    dataset = build(settings, "dataset")
     if is_own_data:
         refuse_other_data(folder, dataset.fingerprint)
     return model.eval(), dataset, cfg
@@ -69,11 +69,11 @@ def evaluate_run(cfg: DictConfig) -> None:
         version=cfg.data.version,
         fault=cfg.fault,
     )
-    own_split, own_root = trained.reader.val.split, trained.data.root
+    own_split, own_root = trained.dataset.val.split, trained.data.root
     split, root = cfg.split or own_split, cfg.data.root or own_root
     target = result_folder(
         folder,
-        dataset.trees,
+        dataset.datasets,
         split=split,
         own_split=own_split,
         root=root,
@@ -129,7 +129,7 @@ def _write_predictions(target: Path, model: FusionNet, batches: DataLoader, trut
 
 def _no_labels(dataset: NuScenesDataset) -> str:
     """Why no label of a split counts."""
-    labels = sum(len(tree.annotations(token, dataset.classes)) for tree, token in dataset.index)
+    labels = sum(len(nusc.annotations(token, dataset.classes)) for nusc, token in dataset.index)
     if not labels:
         return "it has no labels"
     return f"none of its {labels} labels is on the grid and in range and has a LiDAR or radar point"

@@ -5,13 +5,19 @@ import logging
 import warnings
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 import lightning.pytorch as pl
 import torch
+from hydra.core.hydra_config import HydraConfig
+from hydra.types import RunMode
 from lightning.pytorch.loggers import TensorBoardLogger
+from lightning.pytorch.strategies import StrategyRegistry
 from omegaconf import DictConfig
 
+from fusion_net.common.checks import check_names
 from fusion_net.common.cli.command import build
+from fusion_net.common.cli.command_line import command_line
 from fusion_net.data.batch import Batch
 from fusion_net.data.datamodule import NuScenesDataset, StepSampler, make_loader, train_loader
 from fusion_net.evaluation.scoring import ground_truth
@@ -36,8 +42,8 @@ def fit(cfg: DictConfig) -> Path:
     for name in ("batch_size", "validate_every", "save_every"):
         if settings[name] < 1:
             raise ValueError(f"trainer.{name}={settings[name]} must be at least 1")
-    if settings.workers < 0:
-        raise ValueError(f"trainer.workers={settings.workers} is not a number of processes; 0 reads in this one")
+    if cfg.dataset.workers < 0:
+        raise ValueError(f"dataset.workers={cfg.dataset.workers} is not a number of processes; 0 reads in this one")
     model = build(cfg.model, "model")
     train_set, val_set = _datasets(cfg)
     plan = _plan(cfg)
@@ -53,16 +59,32 @@ def fit(cfg: DictConfig) -> Path:
     folder = run_folder(cfg.name)
     last = folder / "checkpoints" / "last.ckpt"
     first_step = resume_step(model, last) if cfg.resume and last.exists() else 0
-    sampler = StepSampler(
-        len(train_set), batch_size=settings.batch_size, steps=plan.total_steps, first=first_step, seed=train_set.seed
-    )
-    batches, val_batches = train_loader(train_set, sampler, settings.workers), make_loader(val_set, settings.batch_size)
+    val_batches = make_loader(val_set, settings.batch_size)
     trainer = _trainer(cfg, plan, folder, val_set, val_batches, first_step)
-    with autocast(settings.precision):
-        _try(model, train_set.collate([train_set[key] for key in sampler.keys(0)]), next(iter(val_batches)))
-    open_run(folder, cfg, data=train_set.fingerprint, resume=cfg.resume, overwrite=cfg.overwrite)
-    parameters = sum(p.numel() for p in model.parameters()) / 1e6
-    print(f"{folder}: {parameters:.2f} M parameters, {len(train_set)} training and {len(val_set)} validation samples")
+    ranks = trainer.num_devices * trainer.num_nodes
+    if len(train_set) < settings.batch_size * ranks:
+        raise ValueError(
+            f"{len(train_set)} training samples are fewer than trainer.batch_size={settings.batch_size} on each of {ranks}"
+            " devices; take a smaller batch or more data"
+        )
+    sampler = StepSampler(
+        len(train_set),
+        batch_size=settings.batch_size * ranks,
+        steps=plan.total_steps,
+        first=first_step,
+        seed=train_set.seed,
+        ranks=ranks,
+    )
+    batches = train_loader(train_set, sampler, cfg.dataset.workers)
+    if trainer.is_global_zero:  # the other processes of a run find it tried and its folder open
+        with autocast(settings.precision):
+            keys = sampler.keys(0)[: settings.batch_size]
+            _try(model, train_set.collate([train_set[key] for key in keys]), next(iter(val_batches)))
+        open_run(folder, cfg, data=train_set.fingerprint, resume=cfg.resume, overwrite=cfg.overwrite)
+        parameters = sum(p.numel() for p in model.parameters()) / 1e6
+        print(
+            f"{folder}: {parameters:.2f} M parameters, {len(train_set)} training and {len(val_set)} validation samples"
+        )
     try:
         trainer.fit(module, batches, ckpt_path=last if first_step else None, weights_only=True)
     except (KeyboardInterrupt, SystemExit):  # the latter is what Lightning makes of the former
@@ -71,19 +93,21 @@ def fit(cfg: DictConfig) -> Path:
         if "DataLoader worker" not in str(error):
             raise
         raise ChildProcessError(
-            f"a loader process died ({error}); add resume=true to the same command to go on, with fewer trainer.workers"
+            f"a loader process died ({error}); add resume=true to the same command to go on, with fewer dataset.workers"
             " if memory ran out"
         ) from error
-    mark_finished(folder)
+    if trainer.is_global_zero:
+        mark_finished(folder)
+        print(f"done; score it with: {command_line('eval.py', run=folder)}")
     return folder
 
 
 def _datasets(cfg: DictConfig) -> tuple[NuScenesDataset, NuScenesDataset]:
     """Training and validation samples. ValueError when there is nothing to learn from."""
-    train_set: NuScenesDataset = build(cfg.reader.train, "reader.train")
-    reader, settings = cfg.reader, cfg.trainer
-    same = (reader.val.root, reader.val.version) == (reader.train.root, reader.train.version)
-    val_set: NuScenesDataset = build(reader.val, "reader.val", trees=train_set.trees if same else None)
+    train_set: NuScenesDataset = build(cfg.dataset.train, "dataset.train")
+    train, val, settings = cfg.dataset.train, cfg.dataset.val, cfg.trainer
+    same = (val.root, val.version) == (train.root, train.version)
+    val_set: NuScenesDataset = build(val, "dataset.val", datasets=train_set.datasets if same else None)
     if len(train_set) < settings.batch_size:
         raise ValueError(
             f"{cfg.data.root} has {len(train_set)} training samples, fewer than trainer.batch_size={settings.batch_size};"
@@ -111,10 +135,48 @@ def _plan(cfg: DictConfig) -> TrainingPlan:
     settings = cfg.trainer
     steps = {
         "camera": settings.camera_steps if "camera" in cfg.encoders else 0,
-        "alone": settings.alone_steps if "camera" in cfg.encoders and len(cfg.encoders) > 1 else 0,
+        "camera_only": settings.camera_only_steps if "camera" in cfg.encoders and len(cfg.encoders) > 1 else 0,
         "fusion": settings.fusion_steps,
     }
-    return TrainingPlan(steps=steps, max_lr=settings.max_lr, max_minutes=settings.max_minutes)
+    return TrainingPlan(
+        steps=steps,
+        max_lr=float(settings.max_lr),
+        warmup_fraction=settings.warmup_fraction,
+        stage_fractions={name: float(fraction) for name, fraction in settings.stage_fractions.items()},
+        max_minutes=settings.max_minutes,
+    )
+
+
+def _devices(settings: DictConfig) -> dict[str, Any]:
+    """Where and in which number format Lightning's trainer computes. ValueError when the machine has no such device."""
+    accelerator, devices, strategy = settings.accelerator, settings.devices, settings.strategy
+    if devices < -1 or devices == 0:
+        raise ValueError(f"trainer.devices={devices} is not a number of devices; -1 takes every one that there is")
+    if accelerator not in ("cpu", "gpu", "auto"):
+        raise ValueError(f"trainer.accelerator={accelerator}; there are cpu, gpu, auto")
+    if accelerator == "auto":
+        accelerator = "gpu" if torch.cuda.is_available() else "cpu"
+    if accelerator == "gpu" and not torch.cuda.is_available():
+        raise ValueError("trainer.accelerator=gpu: there is no GPU here; pass trainer.accelerator=cpu")
+    if devices == -1:
+        devices = torch.cuda.device_count() if accelerator == "gpu" else 1
+    check_names("strategy of trainer.strategy", [strategy], ["auto", *StrategyRegistry.available_strategies()])
+    if strategy == "auto" and devices > 1:
+        strategy = "ddp"
+    if strategy == "ddp" and HydraConfig.initialized() and HydraConfig.get().mode == RunMode.MULTIRUN:
+        raise ValueError(
+            "trainer.strategy=ddp starts the command once a device, which a sweep (-m) cannot be; use ddp_spawn"
+        )
+    if strategy in ("ddp", "ddp_spawn", "ddp_fork", "ddp_notebook"):
+        strategy += "_find_unused_parameters_true"  # no stage trains every part of the network
+    number_format = resolve(settings.precision, "cuda" if accelerator == "gpu" else "cpu")
+    return {
+        "accelerator": accelerator,
+        "devices": devices,
+        "strategy": strategy,
+        "precision": "bf16-mixed" if number_format == "bf16" else "32-true",
+        "use_distributed_sampler": False,  # StepSampler divides the batches
+    }
 
 
 def _trainer(
@@ -129,7 +191,7 @@ def _trainer(
         logging.getLogger(name).setLevel(logging.ERROR)  # adverts and hardware notes
     warnings.filterwarnings("ignore", module=r"lightning\..*")
     settings = cfg.trainer
-    course, metrics = PlanCallback(plan, seed=cfg.seed), MetricsCSV(folder / "metrics.csv")
+    plan_callback, metrics = PlanCallback(plan, seed=cfg.seed), MetricsCSV(folder / "metrics.csv")
     average = AveragedWeights(decay=settings.ema_decay, use_buffers=True)
     interruption = Interruption()
     step_end = StepEnd(
@@ -138,15 +200,13 @@ def _trainer(
         truth=ground_truth(val_set),
         validate_every=settings.validate_every,
         save_every=settings.save_every,
-        plan=course,
+        plan=plan_callback,
         average=average,
         metrics=metrics,
         interruption=interruption,
     )
     return pl.Trainer(
-        accelerator="cpu",
-        devices=1,
-        precision="bf16-mixed" if resolve(settings.precision) == "bf16" else "32-true",
+        **_devices(settings),
         max_steps=-1,  # the plan says when it is over
         max_epochs=-1,
         gradient_clip_val=settings.gradient_clip,
@@ -157,5 +217,5 @@ def _trainer(
         enable_progress_bar=False,
         enable_model_summary=False,
         plugins=[AtomicCheckpointIO()],
-        callbacks=[course, average, TerminalProgress(plan.total_steps), metrics, interruption, step_end],
+        callbacks=[plan_callback, average, TerminalProgress(plan.total_steps), metrics, interruption, step_end],
     )

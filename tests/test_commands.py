@@ -118,7 +118,7 @@ MISTAKES = [
     (TRAIN, "-m --cfg job", "Only one of"),
     (TRAIN, "-m seed=1,2", "all jobs of this sweep would be runs/nano"),
     (TRAIN, "seed=-1", "seed=-1 is not within 0"),
-    (TRAIN, "trainer.workers=-1", "trainer.workers=-1 is not a number of processes"),
+    (TRAIN, "dataset.workers=-1", "dataset.workers=-1 is not a number of processes"),
     (TRAIN, "encoders=[camera,camera]", "'camera' is there twice"),
     (TRAIN, "grid.cell=0", "cell=0.0 must be above 0"),
     (TRAIN, f"data.root={'x' * 300}", "File name too long"),
@@ -201,7 +201,7 @@ def test_data_made_anew_with_other_settings_is_not_mistaken_for_the_old(trained,
         manifest.write_text(was)
 
 
-CUT = ("trainer.camera_steps=30", "trainer.alone_steps=4", "trainer.fusion_steps=26", "trainer.save_every=7")
+CUT = ("trainer.camera_steps=30", "trainer.camera_only_steps=4", "trainer.fusion_steps=26", "trainer.save_every=7")
 
 
 @pytest.fixture(scope="module")
@@ -218,7 +218,7 @@ def unbroken(data, tmp_path_factory):
 )
 @pytest.mark.parametrize("workers", [0, 1])
 def test_a_run_that_is_ended_goes_on_to_the_same_weights(data, unbroken, tmp_path, number, code, workers):
-    command = [*TRAIN, f"data.root={data}", "name=cut", *CUT, f"trainer.workers={workers}"]
+    command = [*TRAIN, f"data.root={data}", "name=cut", *CUT, f"dataset.workers={workers}"]
     folder = tmp_path / "runs/cut"
     returned, error = press(number, command, tmp_path, once=(folder / "metrics.csv").exists)
     assert returned == code
@@ -266,7 +266,7 @@ def test_shards_made_side_by_side_train_and_are_scored_as_one_data_set(data, tra
 
 @pytest.mark.slow
 def test_a_sweep_does_what_is_left_and_a_job_that_fails_stops_no_other(data, tmp_path):
-    steps = ("trainer.camera_steps=2", "trainer.alone_steps=2", "trainer.fusion_steps=4")
+    steps = ("trainer.camera_steps=2", "trainer.camera_only_steps=2", "trainer.fusion_steps=4")
     command = [*TRAIN, "-m", "+sweep=seeds", "seed=1,2", *steps, f"data.root={data}"]
     code, printed, _ = run(command, tmp_path)
     assert code == 0
@@ -294,7 +294,7 @@ def test_a_sweep_does_what_is_left_and_a_job_that_fails_stops_no_other(data, tmp
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["it's a, [run]", "seed=1,lr=${x}", "2026_01"])
 def test_the_command_that_is_printed_scores_a_run_of_any_name(data, tmp_path, name):
-    steps = ("trainer.camera_steps=2", "trainer.alone_steps=2", "trainer.fusion_steps=4")
+    steps = ("trainer.camera_steps=2", "trainer.camera_only_steps=2", "trainer.fusion_steps=4")
     code, printed, error = run([*TRAIN, f"data.root={data}", f"name={as_override(name)}", *steps], tmp_path)
     assert code == 0, error
     (advice,) = advised(printed)

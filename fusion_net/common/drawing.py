@@ -41,14 +41,14 @@ def picture_file(out: str, formats: Sequence[str] = (".png", ".jpg", ".pdf", ".s
 
 def depth_colors(depth: ArrayLike, far: float = 60.0) -> NDArray[np.uint8]:
     """Colours (N, 3) from red (near) to blue (``far`` metres), by the logarithm."""
-    share = np.log(np.maximum(np.asarray(depth, float), 1.0)) / np.log(far)
-    levels = np.clip(30 + 205 * (1 - share), 30, 235).astype(np.uint8).reshape(-1, 1)  # without the map's dark ends
+    fraction = np.log(np.maximum(np.asarray(depth, float), 1.0)) / np.log(far)
+    levels = np.clip(30 + 205 * (1 - fraction), 30, 235).astype(np.uint8).reshape(-1, 1)  # without the map's dark ends
     return cv2.applyColorMap(levels, cv2.COLORMAP_TURBO).reshape(-1, 3)[:, ::-1]
 
 
 @dataclass(frozen=True)
 class BEVPanel:
-    """A picture of a grid's ground: x (ahead) is up, y (left) is left, ``scale`` pixels a metre."""
+    """A picture of a grid's ground: x (ahead) is up, y (left) is left, ``scale`` pixels per metre."""
 
     grid: BEVGrid
     scale: float = 8.0
@@ -139,8 +139,8 @@ def _cut(point: NDArray, other: NDArray) -> NDArray:
     """Camera points (N, 3), those behind NEAR moved along their edge onto it."""
     behind = point[:, 2] < NEAR
     rise = np.where(behind, other[:, 2] - point[:, 2], 1.0)
-    share = np.where(behind, (NEAR - point[:, 2]) / rise, 0.0)
-    return point + share[:, None] * (other - point)
+    fraction = np.where(behind, (NEAR - point[:, 2]) / rise, 0.0)
+    return point + fraction[:, None] * (other - point)
 
 
 def _fixed(values: ArrayLike) -> NDArray[np.int64]:

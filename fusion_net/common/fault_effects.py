@@ -184,37 +184,43 @@ class LostSector(Effect):
 @beartype
 @dataclass(frozen=True, kw_only=True)
 class LostPoints(Effect):
-    """Each return is lost with probability ``share``."""
+    """Each return is lost with probability ``fraction``."""
 
     modalities: ClassVar[tuple[str, ...]] = ("lidar", "radar")
-    share: Number
+    fraction: Number
 
     def __post_init__(self) -> None:
-        _share(share=self.share)
+        _fraction(fraction=self.fraction)
 
     def kept(self, azimuth: Array, rings: Rings | None, rng: Rng, rng_of_firing: Rng) -> Mask:
         """Drawn anew each firing."""
-        return rng_of_firing.random(len(azimuth)) >= self.share
+        return rng_of_firing.random(len(azimuth)) >= self.fraction
 
 
 @beartype
 @dataclass(frozen=True, kw_only=True)
 class BlockedLens(Effect):
-    """Mud in blots hides ``share`` of the image: nearly black, as it is far out of focus and lit from behind."""
+    """Mud in blots hides ``fraction`` of the image: nearly black, as it is far out of focus and lit from behind."""
 
     modalities: ClassVar[tuple[str, ...]] = ("camera",)
-    share: Number
+    fraction: Number
     blots: int = 6
 
     def __post_init__(self) -> None:
-        _share(share=self.share)
+        _fraction(fraction=self.fraction)
         _at_least(1, blots=self.blots)
 
     def covered(self, height: int, width: int, rng: Rng) -> Mask | None:
         """Where smooth noise, ``blots`` knots along the image's height, exceeds its quantile."""
         knots = rng.normal(size=(self.blots, max(round(self.blots * width / height), 1)))
         noise = cv2.resize(knots, (width, height), interpolation=cv2.INTER_CUBIC)
-        return noise > np.quantile(noise, 1 - self.share) if self.share < 1 else np.ones((height, width), bool)
+        return noise > np.quantile(noise, 1 - self.fraction) if self.fraction < 1 else np.ones((height, width), bool)
+
+
+EFFECTS: dict[str, type] = {
+    kind.__name__: kind for kind in (Dead, Stale, Clock, Mismount, FewerBeams, LostSector, LostPoints, BlockedLens)
+}
+"""Every effect by name."""
 
 
 def apply_mask(image: NDArray[np.uint8], covered: Mask | None) -> NDArray[np.uint8]:
@@ -228,7 +234,7 @@ def _at_least(low: Number, **values: Number) -> None:
             raise ValueError(f"fault: {name}={value} is below {low}")
 
 
-def _share(**values: Number) -> None:
+def _fraction(**values: Number) -> None:
     for name, value in values.items():
         if not 0 <= value <= 1:
             raise ValueError(f"fault: {name}={value} is not within [0, 1]")

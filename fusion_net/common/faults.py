@@ -6,14 +6,15 @@ A :class:`Fault` is an effect, the sensors that it may hit and how often it does
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Literal
+from dataclasses import dataclass, field, fields
+from typing import Any, Literal
 
 import numpy as np
 from beartype import beartype
 from numpy.typing import NDArray
 
-from fusion_net.common.fault_effects import Array, Effect, Mask, Number, Rings
+from fusion_net.common.checks import check_names
+from fusion_net.common.fault_effects import EFFECTS, Array, Effect, Mask, Number, Rings
 from fusion_net.common.nuscenes_format import MODALITIES
 from fusion_net.common.random import stream
 
@@ -148,3 +149,26 @@ def at_severity(*, name: str, levels: list[list[Fault]], severity: int) -> list[
         there = f"has severities 1 to {len(levels)}" if len(levels) > 1 else "has only severity 1"
         raise ValueError(f"fault.severity={severity}: {name!r} {there}")
     return levels[severity - 1]
+
+
+@beartype
+def fault_at_severity(
+    *,
+    name: str,
+    sensors: list[str],
+    effect: str,
+    levels: list[dict[str, Any]],
+    severity: int,
+    per: Literal["scene", "sample"] = "scene",
+) -> list[Fault]:
+    """The preset of a single fault at a severity. ``effect`` names a class of ``fault_effects``; each of the ``levels`` has
+    what it takes there, and ``count`` and ``probability`` of the :class:`Fault` where the level has them."""
+    check_names("effect", [effect], list(EFFECTS))
+    known = [each.name for each in fields(EFFECTS[effect])]
+    check_names(f"setting of {effect}", [key for level in levels for key in level], [*known, "count", "probability"])
+    built = []
+    for level in levels:
+        chosen = EFFECTS[effect](**{key: value for key, value in level.items() if key in known})
+        more = {key: value for key, value in level.items() if key not in known}
+        built.append([Fault(sensors=sensors, effect=chosen, per=per, **more)])
+    return at_severity(name=name, levels=built, severity=severity)

@@ -1,4 +1,4 @@
-"""Counter-based random streams, so that no draw depends on what was drawn before it elsewhere."""
+"""Counter-based random streams, so that no value depends on what was sampled before it elsewhere."""
 
 import hashlib
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""Two sets of settings held against each other."""
+"""Two sets of settings compared."""
 
 from typing import Any
 

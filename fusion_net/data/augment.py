@@ -24,9 +24,9 @@ GREY = np.array([0.299, 0.587, 0.114])
 @beartype
 @dataclass(frozen=True, kw_only=True)
 class Augment:
-    """What is drawn for a sample. ``rotation_deg``: heading within +-; ``scale``: size within 1 +-; ``flip_y``
-    mirrors left and right in half of the samples. ``brightness``, ``contrast``, ``saturation``: factors within 1 +-, one
-    draw for all cameras of the sample."""
+    """Ranges of the random changes of a sample. ``rotation_deg``: heading within +-; ``scale``: size within 1 +-; ``flip_y``
+    mirrors left and right in half of the samples. ``brightness``, ``contrast``, ``saturation``: factors within 1 +-, the
+    same for all cameras of the sample."""
 
     rotation_deg: float = 0.0
     scale: float = 0.0
@@ -42,15 +42,15 @@ class Augment:
 
     def __call__(self, sample: Sample, rng: np.random.Generator) -> Sample:
         """The sample, changed at random."""
-        return change_colors(change_view(sample, self.draw_view(rng)), self.draw_colors(rng))
+        return change_colors(change_view(sample, self.random_view(rng)), self.random_colors(rng))
 
-    def draw_view(self, rng: np.random.Generator) -> NDArray[np.float64]:
+    def random_view(self, rng: np.random.Generator) -> NDArray[np.float64]:
         """``new_T_ego`` (4, 4)."""
         turn, size = rng.uniform(-1, 1, 2) * (np.radians(self.rotation_deg), self.scale)
         mirror = -1.0 if rng.random() < 0.5 and self.flip_y else 1.0
         return from_yaw(turn) @ np.diag([1 + size, mirror * (1 + size), 1 + size, 1.0])
 
-    def draw_colors(self, rng: np.random.Generator) -> NDArray[np.float64]:
+    def random_colors(self, rng: np.random.Generator) -> NDArray[np.float64]:
         """(3, 4) from (R, G, B, 1) in 0..255 to the new RGB."""
         reach = (self.brightness, self.contrast, self.saturation)
         brightness, contrast, saturation = 1 + rng.uniform(-1, 1, 3) * reach

@@ -45,9 +45,9 @@ class Batch:
     radar_points: Float[Tensor, "R 7"]  # RADAR_CHANNELS
     radar_batch: Int[Tensor, "R"]
     present: Bool[Tensor, "B M"]  # MODALITIES; False: the sensor is dead or dropped
-    lidar_depth: Float[Tensor, "B N h w"]  # nearest LiDAR return a cell, metres along z; 0 where none
-    dense_depth: Float[Tensor, "B N h w"] | None = None  # nearest exact depth a cell, 0 where sky; None on real data
-    class_map: Int[Tensor, "B N h w"] | None = None  # class index a cell, -1 for no object; None on real data
+    lidar_depth: Float[Tensor, "B N h w"]  # nearest LiDAR return per cell, metres along z; 0 where none
+    dense_depth: Float[Tensor, "B N h w"] | None = None  # nearest exact depth per cell, 0 where sky; None on real data
+    class_map: Int[Tensor, "B N h w"] | None = None  # class index per cell, -1 for no object; None on real data
     targets: Targets | None = None
     boxes: tuple[Boxes, ...] = ()
 

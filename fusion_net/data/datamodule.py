@@ -17,21 +17,21 @@ from fusion_net.common.bev_grid import BEVGrid
 from fusion_net.common.faults import FaultPlan
 from fusion_net.data.augment import Augment
 from fusion_net.data.batch import Batch
-from fusion_net.data.readable import refuse_missing_files, refuse_unlike_images
+from fusion_net.data.readable import refuse_missing_files, refuse_mixed_image_sizes
 from fusion_net.data.samples import Sample, SampleReader, labelled_boxes
 from fusion_net.data.targets import center_targets
-from fusion_net.nuscenes.datasets import open_datasets, split_of
+from fusion_net.nuscenes.datasets import open_datasets, samples_of_split
 from fusion_net.nuscenes.nuscenes import NuScenes
 
 
 @beartype
 class NuScenesDataset(Dataset):
-    """The samples of a split of one nuScenes tree, or of several read as one: ``root`` is a tree, a folder of shards or a
-    list of these. ``version`` chooses among the folders of tables of a root.
+    """The samples of a split of one nuScenes data set, or of several read as one: ``root`` is the folder of a data set, a
+    folder of shards or a list of these. ``version`` chooses among the folders of tables of a root.
 
     ``grid``: the cells of the targets; boxes off it are left out. ``cache`` keeps what was decoded (not what was
-    augmented) in memory. ``trees``: those of ``root``, where they are open already. Further arguments are those of
-    :class:`SampleReader`, whose faults draw from ``seed``. An index is a sample's place or (epoch, place): augmentation
+    augmented) in memory. ``datasets``: those of ``root``, where they are open already. Further arguments are those of
+    :class:`SampleReader`, whose faults are sampled from ``seed``. An index is a sample's place or (epoch, place): augmentation
     follows from (seed, epoch, place) alone.
     """
 
@@ -46,17 +46,17 @@ class NuScenesDataset(Dataset):
         min_radius: int = 2,
         cache: bool = False,
         seed: int = 0,
-        trees: list[NuScenes] | None = None,
+        datasets: list[NuScenes] | None = None,
         **reader,
     ) -> None:
         self.grid, self.augment, self.min_radius, self.cache, self.seed = grid, augment, min_radius, cache, seed
         self.reader = SampleReader(**reader, fault_seed=seed)
-        self.trees = open_datasets(root, version) if trees is None else trees
-        self.index = split_of(self.trees, split)
+        self.datasets = open_datasets(root, version) if datasets is None else datasets
+        self.index = samples_of_split(self.datasets, split)
         refuse_missing_files(self.index, self.reader)
-        refuse_unlike_images(self.reader, self.index)
-        for tree in self.trees:
-            FaultPlan(self.reader.faults).check(tree.modalities, tree.beams)
+        refuse_mixed_image_sizes(self.reader, self.index)
+        for nusc in self.datasets:
+            FaultPlan(self.reader.faults).check(nusc.modalities, nusc.beams)
         self._decoded: dict[int, Sample] = {}
 
     def __len__(self) -> int:
@@ -76,17 +76,17 @@ class NuScenesDataset(Dataset):
     @property
     def fingerprint(self) -> list[str]:
         """Of each data set, whole or in shards, the hash of the settings that it was generated with."""
-        return list(dict.fromkeys(tree.fingerprint for tree in self.trees))
+        return list(dict.fromkeys(nusc.fingerprint for nusc in self.datasets))
 
     def has_labels(self) -> bool:
         """Whether any sample has a labelled object on the grid."""
         return any(
-            self.grid.contains(labelled_boxes(tree, token, self.classes).center).any() for tree, token in self.index
+            self.grid.contains(labelled_boxes(nusc, token, self.classes).center).any() for nusc, token in self.index
         )
 
     def why_no_labels(self) -> str:
         """Of a split without labels (:meth:`has_labels`), what they lack."""
-        found = [tree.annotations(token, self.classes) for tree, token in self.index]
+        found = [nusc.annotations(token, self.classes) for nusc, token in self.index]
         if not any(map(len, found)):
             return f"none of its {len(self.index)} samples has a label of {', '.join(self.classes)}"
         if not any(each.num_pts.any() for each in found):
@@ -145,22 +145,27 @@ class StepSampler(Sampler[list[tuple[int, int]]]):
     """The keys (epoch, place) of each training step's batch. They follow from (seed, step) alone, so that a run that is
     resumed before step ``first`` sees what an unbroken one sees. An epoch's last samples that fill no batch are left out.
 
-    To the training loop all ``steps`` are one long epoch, so loader processes start once.
+    To the training loop all ``steps`` are one long epoch, so loader processes start once. Of ``ranks`` processes that train
+    together each takes its part of the batch.
     """
 
-    def __init__(self, length: int, *, batch_size: int, steps: int, first: int = 0, seed: int = 0) -> None:
+    def __init__(
+        self, length: int, *, batch_size: int, steps: int, first: int = 0, seed: int = 0, ranks: int = 1
+    ) -> None:
         self.length, self.batch_size, self.steps, self.first, self.seed = length, batch_size, steps, first, seed
+        self.ranks = ranks
         self._epoch, self._order = -1, np.arange(0)
 
     def keys(self, step: int) -> list[tuple[int, int]]:
-        """Keys of one step's batch."""
+        """Keys of one step's batch, of all ranks together."""
         epoch, batch = divmod(step, self.length // self.batch_size)
         if epoch != self._epoch:
             self._epoch, self._order = epoch, np.random.default_rng([self.seed, epoch]).permutation(self.length)
         return [(epoch, place) for place in self._order[batch * self.batch_size :][: self.batch_size].tolist()]
 
     def __iter__(self) -> Iterator[list[tuple[int, int]]]:
-        return map(self.keys, range(self.first, self.steps))
+        rank = torch.distributed.get_rank() if self.ranks > 1 else 0
+        return (self.keys(step)[rank :: self.ranks] for step in range(self.first, self.steps))
 
     def __len__(self) -> int:
         return self.steps

@@ -1,4 +1,4 @@
-"""What the camera branch is supervised with, one value a cell of the image at the label stride.
+"""What the camera branch is supervised with, one value per cell of the image at the label stride.
 
 Cell (i, j) covers the pixels [i stride, (i + 1) stride) x [j stride, (j + 1) stride). Depth is along the camera's z
 axis, in metres of the camera: an augmentation of the bird's-eye view, scaling included, does not touch it.

@@ -17,15 +17,15 @@ from fusion_net.common.geometry import invert
 from fusion_net.common.nuscenes_format import CLASSES, MODALITIES
 from fusion_net.data.batch import LIDAR_CHANNELS
 from fusion_net.data.cameras import CameraView, check_size, fit_image, view_camera
-from fusion_net.data.point_clouds import lidar_cloud, radar_cloud
+from fusion_net.data.point_clouds import lidar_point_cloud, radar_point_cloud
 from fusion_net.data.propagation import propagate_lidar, propagate_radar
-from fusion_net.data.sensor_frames import Moment
+from fusion_net.data.sensor_frames import SampleContext
 from fusion_net.nuscenes.nuscenes import NuScenes
 
 
 @dataclass(frozen=True)
 class Sample:
-    """One sample of ``structures.Batch`` as numpy arrays. Frame: ego at the reference time."""
+    """One sample of a ``batch.Batch`` as numpy arrays. Frame: ego at the reference time."""
 
     token: str
     images: NDArray[np.uint8]  # (N, H, W, 3) RGB; black where the camera gave none
@@ -45,14 +45,14 @@ class Sample:
 class SampleReader:
     """How a keyframe is read.
 
-    ``cameras``: channels, None for all that the tree has. ``image_size`` [H, W]: images are scaled to W and lose rows
+    ``cameras``: channels, None for all that the data set has. ``image_size`` [H, W]: images are scaled to W and lose rows
     at the top; None: at most ``cameras.MAX_WIDTH`` wide and cut to whole cells of ``label_stride``, or as they are without
-    one. ``lidar_sweeps``, ``radar_sweeps``: firings before the keyframe's that are added to it. ``motion_compensation``
-    False leaves each reading in the ego frame of its own time. ``propagate_radar`` moves radar points to the reference time
-    by their measured (radial) velocity, and ``propagate_lidar`` the LiDAR points near them. ``modalities``: files of the
-    others are not opened, and they are not present. ``label_stride``: pixels a cell of the depth and class labels (the
-    LiDAR is then read for them even if it is not given); None for no such labels. ``faults`` spoil what is read; what they
-    draw follows from ``fault_seed`` and the sample.
+    one. ``lidar_sweeps``, ``radar_sweeps``: sweeps before the keyframe that are added to it. ``motion_compensation``
+    False leaves each sensor frame in the ego frame of its own time. ``propagate_radar`` moves radar points to the reference
+    time by their measured (radial) velocity, and ``propagate_lidar`` the LiDAR points near them. ``modalities``: files of the
+    others are not opened, and they are not present. ``label_stride``: pixels per cell of the depth and class labels (the
+    LiDAR is then read for them even if it is not given); None for no such labels. ``faults`` are applied to what is read;
+    their random values follow from ``fault_seed`` and the sample.
     """
 
     classes: list[str] = field(default_factory=lambda: list(CLASSES))
@@ -81,20 +81,20 @@ class SampleReader:
         if self.image_size is not None:
             check_size(self.image_size, self.label_stride)
 
-    def channels_of(self, tree: NuScenes) -> dict[str, int]:
-        """The channels of a tree whose files are read, each with the number of firings before the keyframe's."""
+    def channels_of(self, nusc: NuScenes) -> dict[str, int]:
+        """The channels of a data set whose files are read, each with the number of sweeps before the keyframe."""
         past = {"camera": 0, "lidar": self.lidar_sweeps, "radar": self.radar_sweeps}
-        return {channel: past[name] for name in MODALITIES for channel in self._channels(tree, name)}
+        return {channel: past[name] for name in MODALITIES for channel in self._channels(nusc, name)}
 
-    def read(self, tree: NuScenes, token: str) -> Sample:
+    def read(self, nusc: NuScenes, token: str) -> Sample:
         """The sample with this token."""
         plan = FaultPlan(self.faults, self.fault_seed)
-        moment = Moment(tree, token, plan, motion_compensation=self.motion_compensation)
-        lidar, newest = self._lidar(moment)
-        views = [self._camera(moment, channel, lidar[:newest]) for channel in self._channels(tree, "camera")]
-        radars = self._channels(tree, "radar")
-        scans = [reading for channel in radars for reading in moment.readings(channel, self.radar_sweeps)]
-        radar = radar_cloud(moment, scans, default_filter=self.radar_default_filter)
+        context = SampleContext(nusc, token, plan, motion_compensation=self.motion_compensation)
+        lidar, newest = self._lidar(context)
+        views = [self._camera(context, channel, lidar[:newest]) for channel in self._channels(nusc, "camera")]
+        radars = self._channels(nusc, "radar")
+        scans = [frame for channel in radars for frame in context.sensor_frames(channel, self.radar_sweeps)]
+        radar = radar_point_cloud(context, scans, default_filter=self.radar_default_filter)
         at_reference = propagate_radar(radar)
         present = {"camera": any(view.alive for view in views), "lidar": newest > 0, "radar": bool(scans)}
         lidar = lidar if "lidar" in self.modalities else lidar[:0]
@@ -103,39 +103,39 @@ class SampleReader:
             lidar_points=propagate_lidar(lidar, at_reference) if self.propagate_lidar else lidar,
             radar_points=at_reference if self.propagate_radar else radar,
             present=np.array([present[name] and name in self.modalities for name in MODALITIES]),
-            boxes=labelled_boxes(tree, token, self.classes),
+            boxes=labelled_boxes(nusc, token, self.classes),
             **_stack(views),
         )
 
-    def _lidar(self, moment: Moment) -> tuple[NDArray[np.float32], int]:
+    def _lidar(self, context: SampleContext) -> tuple[NDArray[np.float32], int]:
         """Points (P, 5), those of the keyframe first, and how many these are (0: the LiDAR is dead)."""
         new: list[NDArray[np.float32]] = [np.zeros((0, len(LIDAR_CHANNELS)), np.float32)]
         old: list[NDArray[np.float32]] = []
-        for channel in self._channels(moment.tree, "lidar"):
-            clouds = [lidar_cloud(moment, reading) for reading in moment.readings(channel, self.lidar_sweeps)]
+        for channel in self._channels(context.nusc, "lidar"):
+            clouds = [lidar_point_cloud(context, frame) for frame in context.sensor_frames(channel, self.lidar_sweeps)]
             if clouds and len(clouds[0]):
                 new, old = [*new, clouds[0]], [*old, *clouds[1:]]
         return np.concatenate(new + old), sum(map(len, new))
 
-    def _channels(self, tree: NuScenes, modality: str) -> list[str]:
+    def _channels(self, nusc: NuScenes, modality: str) -> list[str]:
         """Channels of a modality that are read; the LiDAR's also where it labels the cells of images."""
         labels = modality == "lidar" and "camera" in self.modalities and self.label_stride is not None
         if modality not in self.modalities and not labels:
             return []
-        return self.cameras if modality == "camera" and self.cameras is not None else tree.channels(modality)
+        return self.cameras if modality == "camera" and self.cameras is not None else nusc.channels(modality)
 
-    def _camera(self, moment: Moment, channel: str, lidar: NDArray[np.float32]) -> CameraView:
-        tree = moment.tree
-        alive = moment.readings(channel)
-        record = alive[0].record if alive else tree.any_firing(channel)
-        size = tree.image_size(record)
-        with tree.file_of(record) if alive else nullcontext() as path:
+    def _camera(self, context: SampleContext, channel: str, lidar: NDArray[np.float32]) -> CameraView:
+        nusc = context.nusc
+        alive = context.sensor_frames(channel)
+        record = alive[0].record if alive else nusc.calibration_record(channel)
+        size = nusc.image_size(record)
+        with nusc.file_of(record) if alive else nullcontext() as path:
             fit = fit_image(size, self.image_size, self.label_stride)
             view = view_camera(
                 path,
                 fit,
-                tree.cam_K(record),
-                alive[0].ego_T_sensor if alive else tree.ego_T_sensor(record),
+                nusc.cam_K(record),
+                alive[0].ego_T_sensor if alive else nusc.ego_T_sensor(record),
                 lidar_points=lidar,
                 label_of=self._label_of_pixel(),
                 label_stride=self.label_stride,
@@ -154,10 +154,10 @@ class SampleReader:
         return label
 
 
-def labelled_boxes(tree: NuScenes, token: str, classes: list[str]) -> Boxes:
+def labelled_boxes(nusc: NuScenes, token: str, classes: list[str]) -> Boxes:
     """The sample's objects of these classes with at least one LiDAR or radar point, in the reference ego frame."""
-    annotations = tree.annotations(token, classes)
-    ego_T_global = invert(tree.global_T_ego(tree.reference(token)))
+    annotations = nusc.annotations(token, classes)
+    ego_T_global = invert(nusc.global_T_ego(nusc.reference(token)))
     return transform_boxes(ego_T_global, annotations.boxes[annotations.num_pts > 0])
 
 

@@ -1,4 +1,4 @@
-"""What the head is trained on, drawn on the bird's-eye grid (CenterPoint, arXiv 2006.11275, section 4).
+"""What the head is trained on, rendered on the bird's-eye grid (CenterPoint, arXiv 2006.11275, section 4).
 
 Every object puts a Gaussian of peak 1 at its cell on the heat map of its class; where they overlap the larger value
 stays. The box itself is written at that one cell.
@@ -48,7 +48,7 @@ def center_targets(
 
     rows, columns = grid.shape
     radius = gaussian_radius(wlh[:, 1] / grid.cell, wlh[:, 0] / grid.cell, min_overlap).astype(np.int64)
-    heatmap = _draw_heatmap(
+    heatmap = _render_heatmap(
         (len(boxes), num_classes, rows, columns), sample, label, row, column, np.maximum(radius, min_radius)
     )
     _, first = np.unique((sample * rows + row) * columns + column, return_index=True)
@@ -73,7 +73,7 @@ def center_targets(
     )
 
 
-def _draw_heatmap(shape, sample, label, row, column, radius) -> NDArray[np.float32]:
+def _render_heatmap(shape, sample, label, row, column, radius) -> NDArray[np.float32]:
     """Heat maps (B, K, Y, X): the footprints of all Gaussians scattered at once, by maximum."""
     _, classes, rows, columns = shape
     reach = np.arange(-radius.max(initial=0), radius.max(initial=0) + 1)
@@ -81,8 +81,8 @@ def _draw_heatmap(shape, sample, label, row, column, radius) -> NDArray[np.float
     sigma = (2 * radius[:, None] + 1) / 6
     value = np.exp(-(dx**2 + dy**2) / (2 * sigma**2))
     y, x = row[:, None] + dy, column[:, None] + dx
-    drawn = (np.maximum(abs(dx), abs(dy)) <= radius[:, None]) & (y >= 0) & (y < rows) & (x >= 0) & (x < columns)
+    inside = (np.maximum(abs(dx), abs(dy)) <= radius[:, None]) & (y >= 0) & (y < rows) & (x >= 0) & (x < columns)
     cell = ((sample * classes + label)[:, None] * rows + y) * columns + x
     heatmap = np.zeros(shape, np.float32)
-    np.maximum.at(heatmap.reshape(-1), cell[drawn], value[drawn].astype(np.float32))
+    np.maximum.at(heatmap.reshape(-1), cell[inside], value[inside].astype(np.float32))
     return heatmap

@@ -1,7 +1,7 @@
-"""Intervals of mAP by drawing scenes with replacement (Efron 1979).
+"""Intervals of mAP by resampling scenes with replacement (Efron 1979).
 
-Scenes are drawn, not samples: the samples of a scene show the same objects. Who matches whom stays as it is, so a resample
-costs only new precision curves. Use one draw for all that is compared: differences are then paired.
+Scenes are resampled, not samples: the samples of a scene show the same objects. Who matches whom stays as it is, so a resample
+costs only new precision curves. Use the same resamples for all that is compared: differences are then paired.
 """
 
 from collections.abc import Sequence
@@ -13,13 +13,13 @@ from fusion_net.metrics.detection import DetectionMetric
 from fusion_net.metrics.matching import ClassMatches
 
 
-def draw_scenes(scenes: NDArray[np.str_], *, resamples: int, rng: np.random.Generator) -> NDArray[np.int64]:
+def resample_scenes(scenes: NDArray[np.str_], *, resamples: int, rng: np.random.Generator) -> NDArray[np.int64]:
     """(R, S) how often each sample counts in each resample; ``scenes`` (S,) names the scene of each sample."""
     names, scene = np.unique(scenes, return_inverse=True)
     if not len(names):
         return np.zeros((resamples, 0), np.int64)
-    drawn = rng.multinomial(len(names), np.full(len(names), 1 / len(names)), size=resamples)
-    return drawn[:, scene]
+    counts = rng.multinomial(len(names), np.full(len(names), 1 / len(names)), size=resamples)
+    return counts[:, scene]
 
 
 def bootstrap_map(

@@ -1,7 +1,7 @@
-"""Which sensors tell an object from its decoy: generated trees hold bodies that copy an object for all but one sensor.
+"""Which sensors tell an object from its decoy: generated data sets hold bodies that copy an object for all but one sensor.
 
 A decoy is annotated under a category that is no detection class, with the key ``imitates`` naming what it copies, so the
-metrics ignore it. Here the detector's scores at decoys are set against those at real objects of the class: both standing
+metrics ignore it. Here the detector's scores at decoys are compared with those at real objects of the class: both standing
 still, on the grid, in range and with at least one LiDAR or radar point.
 """
 
@@ -49,8 +49,8 @@ class Bodies:
 def audit_decoys(
     truth: GroundTruth, samples: Sequence[tuple[NuScenes, str]], tables: Sequence[SampleBoxes]
 ) -> list[dict[str, Any]]:
-    """One entry a class that decoys imitate: counts, and for each subset of sensors (``tables`` in the order of SUBSETS)
-    the AUC of real against decoy by score, and the shares of both found above the score of the best F1. [] on data
+    """One entry per class that decoys imitate: counts, and for each subset of sensors (``tables`` in the order of SUBSETS)
+    the AUC of real against decoy by score, and the fractions of both found above the score of the best F1. [] on data
     without decoys."""
     bodies = read_bodies(truth, samples)
     matches = [truth.matches(table) for table in tables]
@@ -67,8 +67,8 @@ def audit_decoys(
                 {
                     "sensors": list(sensors),
                     "AUC": auc(score[real], score[~real]),
-                    "real_found": _share(score[real] >= threshold),
-                    "decoys_found": _share(score[~real] >= threshold),
+                    "real_found": _fraction(score[real] >= threshold),
+                    "decoys_found": _fraction(score[~real] >= threshold),
                 }
             )
         audit.append({"imitates": name, "real": int(real.sum()), "decoys": int((~real).sum()), "rows": rows})
@@ -79,11 +79,11 @@ def read_bodies(truth: GroundTruth, samples: Sequence[tuple[NuScenes, str]]) -> 
     """Every annotation of the samples that is of a configured class or imitates one. Empty where nothing is a decoy."""
     place = {token: index for index, (_, token) in enumerate(table_order(samples))}
     rows: list[tuple[int, bool, float, int, list[float], int]] = []
-    for tree in dict.fromkeys(tree for tree, _ in samples):
+    for nusc in dict.fromkeys(nusc for nusc, _ in samples):
         category = {
-            token: tree.get("category", i["category_token"])["name"] for token, i in tree.tables["instance"].items()
+            token: nusc.get("category", i["category_token"])["name"] for token, i in nusc.tables["instance"].items()
         }
-        for record in tree.tables["sample_annotation"].values():
+        for record in nusc.tables["sample_annotation"].values():
             if (
                 record["sample_token"] not in place or not {IMITATED_CATEGORY, EXACT_VELOCITY} <= record.keys()
             ):  # not generated
@@ -143,5 +143,5 @@ def best_f1_score(match: ClassMatches) -> float:
     return float(match.score[np.argmax(f1)])
 
 
-def _share(is_found: NDArray[np.bool_]) -> float | None:
+def _fraction(is_found: NDArray[np.bool_]) -> float | None:
     return float(is_found.mean()) if len(is_found) else None

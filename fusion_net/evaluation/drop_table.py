@@ -16,7 +16,7 @@ from tqdm import tqdm
 from fusion_net.common.boxes import Boxes
 from fusion_net.common.nuscenes_format import MODALITIES
 from fusion_net.data.batch import Batch
-from fusion_net.evaluation.bootstrap import bootstrap_map, draw_scenes, interval
+from fusion_net.evaluation.bootstrap import bootstrap_map, interval, resample_scenes
 from fusion_net.evaluation.random_guess import random_guess
 from fusion_net.evaluation.scoring import GroundTruth
 from fusion_net.metrics.detection import DetectionMetrics
@@ -60,27 +60,27 @@ def drop_table(
     device: str = "cpu",
 ) -> DropTable:
     """Scores all subsets. ``batches`` hold every sample of ``truth`` once, in any order; each is read once and shown to the
-    model seven times. All rows are scored on the same ``resamples`` draws of scenes, so their differences are paired."""
+    model seven times. All rows are scored on the same ``resamples`` sets of resampled scenes: differences are paired."""
     found, milliseconds = predict(model, batches, device=device)
     missing = [token for token in truth.tokens if token not in found[0]]
     if missing:
         raise ValueError(
             f"drop table: no predictions for {len(missing)} of {len(truth.tokens)} samples, first {missing[0]}"
         )
-    copies = draw_scenes(truth.scenes, resamples=resamples, rng=np.random.default_rng([seed, 0]))
+    copies = resample_scenes(truth.scenes, resamples=resamples, rng=np.random.default_rng([seed, 0]))
     tables = [truth.table([boxes[token] for token in truth.tokens]) for boxes in found]
     chance = truth.table(random_guess(truth, rng=np.random.default_rng([seed, 1])))
     rows: list[dict[str, Any]] = []
-    draws: list[NDArray[np.float64]] = []
+    resampled: list[NDArray[np.float64]] = []
     for subset, table, ms in [*zip(SUBSETS, tables, milliseconds, strict=True), ((), chance, 0.0)]:
         matches = truth.matches(table)
-        draws.append(bootstrap_map(truth.metric, matches, copies))
+        resampled.append(bootstrap_map(truth.metric, matches, copies))
         score = truth.metric.summarise(matches)
-        row = {"sensors": list(subset)} | describe(score) | {"mAP_ci95": interval(draws[-1])}
+        row = {"sensors": list(subset)} | describe(score) | {"mAP_ci95": interval(resampled[-1])}
         official = truth.official(table)
         row |= {"mAP_official": official.mAP, "NDS_official": official.NDS, "ms_per_sample": ms}
         first = rows[0] if rows else row
-        row |= {"delta_mAP": row["mAP"] - first["mAP"], "delta_mAP_ci95": interval(draws[-1] - draws[0])}
+        row |= {"delta_mAP": row["mAP"] - first["mAP"], "delta_mAP_ci95": interval(resampled[-1] - resampled[0])}
         rows.append(row)
     return DropTable(rows[:-1], rows[-1], tables, found)
 
@@ -101,16 +101,16 @@ def describe(score: DetectionMetrics) -> dict[str, Any]:
 def predict(
     model: Detector, batches: Iterable[Batch], *, subsets: Sequence[Sequence[str]] = SUBSETS, device: str = "cpu"
 ) -> tuple[list[dict[str, Boxes]], list[float]]:
-    """Boxes by token for each subset, and its milliseconds a sample (forward and decoding; the median over batches)."""
+    """Boxes by token for each subset, and its milliseconds per sample (forward and decoding; the median over batches)."""
     found: list[dict[str, Boxes]] = [{} for _ in subsets]
     times: list[list[float]] = [[] for _ in subsets]
     for step, batch in enumerate(_progress(batches)):
         batch = batch.to(device)
         for row, subset in enumerate(subsets):
-            kept = torch.tensor([name in subset for name in MODALITIES], device=device)
+            chosen = torch.tensor([name in subset for name in MODALITIES], device=device)
             for _ in range(2 if step == 0 else 1):  # a subset's first pass sets things up: not timed
                 start = _now(device)
-                boxes = model.decode(model(batch, present=batch.present & kept))
+                boxes = model.decode(model(batch, present=batch.present & chosen))
                 seconds = _now(device) - start
             times[row].append(1e3 * seconds / batch.size)
             found[row].update(zip(batch.tokens, boxes, strict=True))

@@ -14,7 +14,7 @@ LONGEST = 60
 
 def result_folder(
     run: Path,
-    trees: Sequence[NuScenes],
+    datasets: Sequence[NuScenes],
     *,
     split: str,
     own_split: str,
@@ -25,12 +25,12 @@ def result_folder(
     checkpoint: str = "best",
     fault: str = "",
 ) -> Path:
-    """RUN/eval[/SPLIT[@ROOT[/VERSION]]][/CHECKPOINT][/FAULT]: parts only for what differs from the split (of ``trees``), the
+    """RUN/eval[/SPLIT[@ROOT[/VERSION]]][/CHECKPOINT][/FAULT]: parts only for what differs from the split (of ``datasets``), the
     data, the best checkpoint and the sound sensors of the run's own validation, so that no evaluation overwrites another."""
     samples = ""
     if not is_same_data(root, own_root) or version not in (None, own_version):
         samples = f"{_name(split)}@{'+'.join(_name(_shown(path)) for path in _folders(root))}/{version or ''}"
-    elif any(tree.split_name(split) != tree.split_name(own_split) for tree in trees):
+    elif any(nusc.split_name(split) != nusc.split_name(own_split) for nusc in datasets):
         samples = _name(split)
     return run / "eval" / samples / ("" if checkpoint == "best" else checkpoint) / fault
 

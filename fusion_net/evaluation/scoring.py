@@ -33,7 +33,7 @@ FOOTNOTES = (
 class GroundTruth:
     """Labels and poses of S samples, filtered once. ``classes`` are the model's: the labels of its boxes index them.
 
-    ``tokens`` has the samples in the order of their tree's sample table. That is the devkit's, and equal scores are ranked
+    ``tokens`` has the samples in the order of their data set's sample table. That is the devkit's, and equal scores are ranked
     by it. Boxes are compared in the global frame.
     """
 
@@ -41,11 +41,11 @@ class GroundTruth:
         samples = table_order(samples)
         self.tokens, self.classes, self.grid = [token for _, token in samples], list(classes), grid
         self.global_T_ego = reference_poses(samples)
-        self.scenes = np.array([tree.scene(token)["token"] for tree, token in samples], dtype=np.str_)
+        self.scenes = np.array([nusc.scene(token)["token"] for nusc, token in samples], dtype=np.str_)
         self.metric, self.official_metric = DetectionMetric(classes=self.classes), DetectionMetric()
-        self._filter = BoxFilter(self.global_T_ego[:, :2, 3], [tree.racks(token) for tree, token in samples])
-        everything = labelled([tree.annotations(token, CLASSES) for tree, token in samples])
-        self.labels = self._on_rig(everything.relabel(CLASSES, self.classes))
+        self._filter = BoxFilter(self.global_T_ego[:, :2, 3], [nusc.racks(token) for nusc, token in samples])
+        everything = labelled([nusc.annotations(token, CLASSES) for nusc, token in samples])
+        self.labels = self._on_grid(everything.relabel(CLASSES, self.classes))
         self.official_labels = everything[self._filter(everything, self.official_metric)]
 
     def table(self, found: Sequence[Boxes]) -> SampleBoxes:
@@ -54,7 +54,7 @@ class GroundTruth:
 
     def matches(self, found: SampleBoxes) -> list[ClassMatches]:
         """Who takes whom, over the configured classes."""
-        return self.metric.match(self.labels, self._on_rig(found), len(self.tokens))
+        return self.metric.match(self.labels, self._on_grid(found), len(self.tokens))
 
     def official_matches(self, found: SampleBoxes) -> list[ClassMatches]:
         """Who takes whom, over nuScenes' ten classes, on the grid or off it."""
@@ -66,7 +66,7 @@ class GroundTruth:
         """The devkit's score."""
         return self.official_metric.summarise(self.official_matches(found))
 
-    def _on_rig(self, boxes: SampleBoxes) -> SampleBoxes:
+    def _on_grid(self, boxes: SampleBoxes) -> SampleBoxes:
         """Boxes that nuScenes counts and whose centre is on the grid."""
         ego_T_global = invert(self.global_T_ego)[boxes.sample]
         center = np.einsum("nij,nj->ni", ego_T_global[:, :3, :3], boxes.boxes.center) + ego_T_global[:, :3, 3]
@@ -84,12 +84,12 @@ def score(truth: GroundTruth, found: Sequence[Boxes]) -> DetectionMetrics:
 
 
 def table_order(samples: Sequence[tuple[NuScenes, str]]) -> list[tuple[NuScenes, str]]:
-    """Samples tree by tree, in each by its sample table."""
-    trees = list(dict.fromkeys(tree for tree, _ in samples))
+    """Samples data set by data set, in each by its sample table."""
+    datasets = list(dict.fromkeys(nusc for nusc, _ in samples))
     wanted = {token for _, token in samples}
-    return [(tree, token) for tree in trees for token in tree.tables["sample"] if token in wanted]
+    return [(nusc, token) for nusc in datasets for token in nusc.tables["sample"] if token in wanted]
 
 
 def reference_poses(samples: Sequence[tuple[NuScenes, str]]) -> NDArray[np.float64]:
     """``global_T_ego`` (S, 4, 4) at the reference time of each sample."""
-    return np.array([tree.global_T_ego(tree.reference(token)) for tree, token in samples]).reshape(-1, 4, 4)
+    return np.array([nusc.global_T_ego(nusc.reference(token)) for nusc, token in samples]).reshape(-1, 4, 4)

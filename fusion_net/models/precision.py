@@ -1,13 +1,15 @@
-"""Which number format convolutions run in on this processor."""
+"""Which number format convolutions run in on this device."""
 
 from contextlib import AbstractContextManager
 
 import torch
 
 
-def resolve(wanted: str) -> str:
+def resolve(wanted: str, device: str = "cpu") -> str:
     """ "bf16" or "float32". "auto" takes bf16 only where the processor multiplies it: elsewhere it is emulated and slower."""
     if wanted == "auto":
+        if device == "cuda":
+            return "bf16" if torch.cuda.is_bf16_supported(including_emulation=False) else "float32"
         has_bf16 = torch.cpu._is_avx512_bf16_supported() or torch.cpu._is_amx_tile_supported()
         return "bf16" if has_bf16 else "float32"
     if wanted not in ("bf16", "float32"):

@@ -1,4 +1,4 @@
-"""The labelled boxes of a nuScenes tree as arrays: one row an annotation, all samples in one table."""
+"""The labelled boxes of a nuScenes data set as arrays: one row per annotation, all samples in one table."""
 
 from collections import defaultdict
 from collections.abc import Sequence
@@ -61,7 +61,7 @@ class BicycleRacks:
 
 
 class AnnotationTable:
-    """Every annotation of a tree, and which rows a sample has. ``label`` of ``everything`` indexes CLASSES, -1 for
+    """Every annotation of a data set, and which rows a sample has. ``label`` of ``everything`` indexes CLASSES, -1 for
     none."""
 
     def __init__(self, tables: Tables) -> None:

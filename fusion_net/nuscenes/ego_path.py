@@ -11,15 +11,15 @@ from fusion_net.nuscenes.nuscenes import NuScenes
 Array = NDArray[np.float64]
 
 BASELINE = 40_000
-"""Least microseconds between the two poses that a motion is taken from: poses of one moment tell no speed."""
+"""Least microseconds between the two poses that a motion is taken from: poses of one time tell no speed."""
 
 
 class EgoPath:
     """The poses of one scene. Between two the car moves on a screw, which holds a steady turn exactly; outside them it goes
     on as it did at the end."""
 
-    def __init__(self, tree: NuScenes, scene: str) -> None:
-        poses = {record["timestamp"]: tree.global_T_ego(record) for record in tree.readings_of[scene]}
+    def __init__(self, nusc: NuScenes, scene: str) -> None:
+        poses = {record["timestamp"]: nusc.global_T_ego(record) for record in nusc.sample_data_of[scene]}
         self._stamps = np.array(sorted(poses))
         self._poses = np.array([poses[stamp] for stamp in self._stamps.tolist()])
 
@@ -47,6 +47,6 @@ class EgoPath:
 
 
 @lru_cache(maxsize=16)
-def ego_path(tree: NuScenes, scene: str) -> EgoPath:
+def ego_path(nusc: NuScenes, scene: str) -> EgoPath:
     """The path of a scene, kept for its next sample."""
-    return EgoPath(tree, scene)
+    return EgoPath(nusc, scene)

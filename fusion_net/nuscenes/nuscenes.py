@@ -1,4 +1,4 @@
-"""The tables of a nuScenes tree, ours or a real one, indexed by token.
+"""The tables of a nuScenes data set, ours or a real one, indexed by token.
 
 The format is that of https://www.nuscenes.org/nuscenes#data-format: a root folder with a version folder ``v1.0-*``
 of JSON tables. Poses come out as ``a_T_b`` matrices; no sensor file is opened here.
@@ -17,11 +17,11 @@ from fusion_net.common.nuscenes_format import BEAMS, REFERENCE
 from fusion_net.nuscenes.annotations import Annotations, AnnotationTable, BicycleRacks
 from fusion_net.nuscenes.splits import read_splits
 from fusion_net.nuscenes.table_fields import Record
-from fusion_net.nuscenes.tables import load_tables, manifest, mend, version_folder
+from fusion_net.nuscenes.tables import load_tables, manifest, repair_advice, version_folder
 
 
 class NuScenes:
-    """A tree. ``tables[name][token]`` is a record, ``keyframes[sample][channel]`` the sample_data record of a
+    """A data set. ``tables[name][token]`` is a record, ``keyframes[sample][channel]`` the sample_data record of a
     keyframe. ``version``: name of the folder of tables; None for the only one."""
 
     def __init__(self, root: str | Path, version: str | None = None) -> None:
@@ -30,7 +30,7 @@ class NuScenes:
         try:
             self.tables = load_tables(self.folder)
         except ValueError as error:
-            raise ValueError(f"{error}; {mend(self.root)}") from None
+            raise ValueError(f"{error}; {repair_advice(self.root)}") from None
         self._channel_of = {
             token: self.get("sensor", record["sensor_token"])["channel"]
             for token, record in self.tables["calibrated_sensor"].items()
@@ -43,7 +43,7 @@ class NuScenes:
 
     @cached_property
     def fingerprint(self) -> str:
-        """Hash of the settings that the tree was generated with; "" for a real one."""
+        """Hash of the settings that the data set was generated with; "" for a real one."""
         return str(manifest(self.root).get("hash", ""))
 
     def get(self, table: str, token: str) -> Record:
@@ -93,8 +93,8 @@ class NuScenes:
             raise ValueError(f"{self.name_of('sample_data', record)} of a camera has height={height}, width={width}")
         return height, width
 
-    def firings(self, sample_token: str, channel: str, past: int) -> list[Record]:
-        """A channel's keyframe and up to ``past`` firings before it, newest first; [] if the sensor gave no
+    def keyframe_and_sweeps(self, sample_token: str, channel: str, past: int) -> list[Record]:
+        """A channel's keyframe and up to ``past`` sweeps before it, newest first; [] if the sensor gave no
         keyframe."""
         record = self.keyframes[sample_token].get(channel)
         found: list[Record] = []
@@ -103,13 +103,13 @@ class NuScenes:
             record = self.get("sample_data", record["prev"]) if record["prev"] else None
         return found
 
-    def any_firing(self, channel: str) -> Record:
+    def calibration_record(self, channel: str) -> Record:
         """Some record of a channel: its calibration and image size stand in where the sensor is dead."""
         for frames in self.keyframes.values():
             if channel in frames:
                 return frames[channel]
         for mount in self.tables["calibrated_sensor"].values():
-            is_dead = self._channel_of[mount["token"]] == channel  # in every scene of a generated tree
+            is_dead = self._channel_of[mount["token"]] == channel  # in every scene of a generated data set
             if is_dead and {"height", "width"} <= mount.keys():
                 return {"calibrated_sensor_token": mount["token"], "height": mount["height"], "width": mount["width"]}
         present = sorted({channel for frames in self.keyframes.values() for channel in frames})
@@ -142,7 +142,7 @@ class NuScenes:
 
     @cached_property
     def beams(self) -> dict[str, int]:
-        """How many beams each LiDAR has, by channel: 32 where the tree does not say, as in nuScenes."""
+        """How many beams each LiDAR has, by channel: 32 where the data set does not say, as in nuScenes."""
         mounts = {self._channel_of[token]: mount for token, mount in self.tables["calibrated_sensor"].items()}
         return {channel: mounts[channel].get(BEAMS, 32) for channel in self.channels("lidar") if channel in mounts}
 
@@ -179,7 +179,7 @@ class NuScenes:
         return [*tokens]
 
     @cached_property
-    def readings_of(self) -> dict[str, list[Record]]:
+    def sample_data_of(self) -> dict[str, list[Record]]:
         """The sample_data records of each scene."""
         found: dict[str, list[Record]] = {token: [] for token in self.tables["scene"]}
         for record in self.tables["sample_data"].values():

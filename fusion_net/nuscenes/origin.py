@@ -1,4 +1,4 @@
-"""How a generated tree was made, as its manifest says."""
+"""How a generated data set was made, as its manifest says."""
 
 import shlex
 from pathlib import Path
@@ -8,9 +8,9 @@ from fusion_net.common.cli.command_line import as_override
 
 
 def generating_command(root: Path, manifest: dict[str, Any]) -> str:
-    """What to type to make the tree in ``root``, or to go on with it; "" where the manifest does not say.
+    """What to type to make the data set in ``root``, or to go on with it; "" where the manifest does not say.
 
-    The manifest keeps the command without its folder, so that a copy or a moved tree tells its own. A shard lies in the
+    The manifest keeps the command without its folder, so that a copy or a moved data set tells its own. A shard lies in the
     folder that the command names.
     """
     command = manifest.get("command", "")

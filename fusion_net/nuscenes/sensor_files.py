@@ -1,4 +1,4 @@
-"""One sensor file to one array: nuScenes' images and point clouds, and the side files of generated trees.
+"""One sensor file to one array: nuScenes' images and point clouds, and the side files of generated data sets.
 
 A file that is cut short or of another kind raises one line that names it; half an image or half a cloud is never
 returned.

@@ -9,7 +9,7 @@ from functools import cache
 from pathlib import Path
 
 from fusion_net.common.nuscenes_format import SPLITS_FILE
-from fusion_net.nuscenes.tables import mend, read_json, shown
+from fusion_net.nuscenes.tables import read_json, repair_advice, shown
 
 OFFICIAL = {"v1.0-mini": ("mini_train", "mini_val"), "v1.0-trainval": ("train", "val"), "v1.0-test": ("test",)}
 """Names of the official splits by version."""
@@ -39,7 +39,7 @@ def _read(path: Path) -> dict[str, list[str]]:
     try:
         named = read_json(path)
     except ValueError as error:
-        raise ValueError(f"{error}; {mend(path.parent.parent)}") from None
+        raise ValueError(f"{error}; {repair_advice(path.parent.parent)}") from None
     if not isinstance(named, dict):
         raise ValueError(f"{path} is not a list of scene names by the name of a split")
     for name, scenes in named.items():

@@ -1,4 +1,4 @@
-"""The folder of a nuScenes tree and its JSON tables: found, read, and checked before anything uses a value.
+"""The folder of a nuScenes data set and its JSON tables: found, read, and checked before anything uses a value.
 
 A value that is not what the format says is named with its table, its record and its field.
 """
@@ -17,7 +17,7 @@ LONGEST = 80
 
 
 def version_folder(root: Path, version: str | None = None) -> Path:
-    """The folder ``v1.0-*`` of tables of a tree that is whole: the one of this name, or the only one."""
+    """The folder ``v1.0-*`` of tables of a data set that is whole: the one of this name, or the only one."""
     if not root.is_dir() or not any(root.iterdir()):
         make = command_line("-m data_gen", data="nano", data__root=root)
         raise ValueError(f"no data in {root}; make some: {make}")
@@ -39,7 +39,7 @@ def version_folder(root: Path, version: str | None = None) -> Path:
     folder = root / (version or found[0])
     missing = [name for name in FIELDS if not (folder / f"{name}.json").exists()]
     if missing:
-        raise ValueError(f"{folder} lacks {', '.join(f'{name}.json' for name in missing)}; {mend(root)}")
+        raise ValueError(f"{folder} lacks {', '.join(f'{name}.json' for name in missing)}; {repair_advice(root)}")
     return folder
 
 
@@ -50,7 +50,7 @@ def versions(root: Path) -> list[str]:
 
 
 def manifest(root: Path) -> dict[str, Any]:
-    """What a generated tree says of itself; {} for a real one."""
+    """What a generated data set says of itself; {} for a real one."""
     path = root / MANIFEST_FILE
     if not path.exists():
         return {}
@@ -63,8 +63,8 @@ def manifest(root: Path) -> dict[str, Any]:
     return about
 
 
-def mend(root: Path) -> str:
-    """What to do about a tree of which something is missing or damaged."""
+def repair_advice(root: Path) -> str:
+    """What to do about a data set of which something is missing or damaged."""
     about = manifest(root)
     if not about:
         return f"extract the archives of the data set into {root} again"

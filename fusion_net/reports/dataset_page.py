@@ -28,23 +28,23 @@ SECTIONS: list[Section] = [
             ("Where they are", objects.from_above),
             ("Distance", objects.ranges),
             ("Speed", objects.speeds),
-            ("How much of them is seen", objects.visibility),
+            ("How much of them is visible", objects.visibility),
             ("How crowded it is", objects.crowd),
             ("Sizes, to scale", objects.sizes),
         ],
     ),
     (
         "Under which conditions",
-        "One physical state a scene, read by all sensors; the camera's view of it as its image's brightness and contrast.",
+        "One physical state per scene, shared by all sensors; the camera's view of it as its image's brightness and contrast.",
         [
             ("Scenes", sensors.conditions),
-            ("What a condition leaves of each sensor's data", sensors.takings),
+            ("What remains of each sensor's data in a condition", sensors.condition_effects),
             ("Images", sensors.brightness),
             ("Roads", sensors.layouts),
         ],
     ),
     (
-        "What the sensors get of an object",
+        "What the sensors measure of an object",
         "Points and returns of the keyframe's own sweep and scans. LiDAR thins out with the square of the distance.",
         [
             ("LiDAR points of an object", sensors.lidar_points),
@@ -88,15 +88,15 @@ def render_page(found: Survey, summary: Summary) -> str:
     body = [
         f"<h1>{name}</h1>",
         f"<p>{summary['scenes']:,} scenes of the split &ldquo;{html.escape(summary['split'])}&rdquo; on"
-        f" {_layouts(summary)}. Sensor files were opened in {summary['readings']['keyframes']:,} keyframes.</p>",
+        f" {_layouts(summary)}. Sensor files were opened in {summary['sensor_data']['keyframes']:,} keyframes.</p>",
         _facts(summary),
         _film(found),
     ]
     for title, text, drawings in SECTIONS:
         body += [f"<h2>{title}</h2><p>{text}</p>", _charts(found, summary, drawings)]
     body += [
-        "<h2>Beside nuScenes</h2><p>Only what is published of it; its scenes are real and ours are not, so look at the shape"
-        " and not at the digit.</p>",
+        "<h2>Compared with nuScenes</h2><p>Only what is published of it; its scenes are real and ours are not, so look at the"
+        " shape and not at the digit.</p>",
         _table(["", "here", "nuScenes", "source"], summary["nuscenes"], "words"),
         "<h2>In figures</h2><p>Means over keyframes by condition, and over boxes by class.</p>",
         _table(*_condition_rows(summary)),
@@ -119,17 +119,17 @@ def _facts(summary: Summary) -> str:
     facts = [
         (f"{summary['keyframes']:,}", "keyframes"),
         (f"{summary['objects']:,}", "labelled boxes"),
-        (f"{summary['objects_per_keyframe']['mean']:.1f}", "boxes a keyframe"),
+        (f"{summary['objects_per_keyframe']['mean']:.1f}", "boxes per keyframe"),
         (f"{len({entry['condition'] for entry in summary['conditions']})}", "conditions"),
         (" + ".join(str(len(channels[name])) for name in MODALITIES), "cameras, LiDARs, radars"),
-        (_figure(summary["readings"]["lidar_points"]["mean"]), "LiDAR points a sweep"),
-        (_figure(summary["readings"]["radar_returns_per_scan"]["mean"]), "radar returns a scan"),
+        (_figure(summary["sensor_data"]["lidar_points"]["mean"]), "LiDAR points per sweep"),
+        (_figure(summary["sensor_data"]["radar_returns_per_scan"]["mean"]), "radar returns per scan"),
     ]
     return f'<div class="facts">{"".join(f"<div class=fact><b>{a}</b><span>{b}</span></div>" for a, b in facts)}</div>'
 
 
 def _film(found: Survey) -> str:
-    """One image a condition and severity, the commonest condition first."""
+    """One image per condition and severity, the commonest condition first."""
     order = sorted(found.pictures, key=lambda kind: (-found.condition.count(kind[0]), kind))
     several = {kind[0] for kind in order if kind[1] > 1}
     shots = []

@@ -12,7 +12,7 @@ from fusion_net.reports.dataset_survey import Survey
 
 
 def classes(axes: Axes, found: Survey, summary: Summary) -> None:
-    """Objects of each class as bars, at the end their number and share."""
+    """Objects of each class as bars, labelled with number and percentage."""
     counts = [summary["classes"][name]["objects"] for name in CLASSES]
     bars = axes.barh([label(name) for name in CLASSES], counts, color=[COLOR_OF[name] for name in CLASSES], height=0.7)
     labels = [f" {count:,}  ({count / max(sum(counts), 1):.0%})" for count in counts]
@@ -64,7 +64,7 @@ def speeds(axes: Axes, found: Survey, summary: Summary) -> None:
 
 
 def visibility(axes: Axes, found: Survey, summary: Summary) -> None:
-    """Shares of the four visibility levels in each class."""
+    """Fractions of the four visibility levels in each class."""
     rows = np.array([summary["classes"][name]["visibility"] for name in CLASSES], float)
     rows /= np.maximum(rows.sum(axis=1, keepdims=True), 1)
     left = np.zeros(len(CLASSES))
@@ -81,7 +81,7 @@ def visibility(axes: Axes, found: Survey, summary: Summary) -> None:
     axes.invert_yaxis()
     axes.set_xlim(0, 1)
     axes.grid(visible=False)
-    axes.set_xlabel("share of boxes by how much of the object the sensors reach")
+    axes.set_xlabel("fraction of boxes by visible part of the object")
     axes.legend(ncols=4, loc="lower center", bbox_to_anchor=(0.45, 1.0))
 
 

@@ -39,17 +39,19 @@ def conditions(axes: Axes, found: Survey, summary: Summary) -> None:
     axes.legend(loc="lower right")
 
 
-def takings(axes: Axes, found: Survey, summary: Summary) -> None:
-    """What each condition leaves of the image's contrast, and of the LiDAR points and radar returns of the same objects: those
-    of a class and a ring of distance against the clear mean of that class and ring."""
+def condition_effects(axes: Axes, found: Survey, summary: Summary) -> None:
+    """The image's contrast in each condition, and of the LiDAR points and radar returns of the same objects: those
+    of a class and a ring of distance relative to the clear mean of that class and ring."""
     condition = np.array(found.condition)
     names = list(dict.fromkeys(entry["condition"] for entry in summary["conditions"]))
     base = names.index("clear") if "clear" in names else 0
-    contrast = [np.mean([r.contrast for r in found.readings if condition[r.keyframe] == n] or [np.nan]) for n in names]
+    contrast = [
+        np.mean([r.contrast for r in found.sensor_data if condition[r.keyframe] == n] or [np.nan]) for n in names
+    ]
     kinds = {
         "contrast of the image": ("#d4a017", np.array(contrast) / max(contrast[base], 1e-9)),
-        "LiDAR points of an object": ("#2f6690", _against(found, found.objects.lidar_points, names, base)),
-        "its radar returns": ("#5b9a6f", _against(found, found.objects.radar_points, names, base)),
+        "LiDAR points of an object": ("#2f6690", _relative_to(found, found.objects.lidar_points, names, base)),
+        "its radar returns": ("#5b9a6f", _relative_to(found, found.objects.radar_points, names, base)),
     }
     place = np.arange(len(names))
     for i, (text, (color, height)) in enumerate(kinds.items()):
@@ -62,7 +64,7 @@ def takings(axes: Axes, found: Survey, summary: Summary) -> None:
     axes.legend(ncols=3, loc="upper center", fontsize=7.5, columnspacing=1.0)
 
 
-def _against(found: Survey, values: Integers, names: list[str], base: int) -> NDArray[np.float64]:
+def _relative_to(found: Survey, values: Integers, names: list[str], base: int) -> NDArray[np.float64]:
     """Sum of the objects' values in each condition over what the base condition would give the same objects."""
     objects = found.objects
     condition = np.array(found.condition)[objects.keyframe]
@@ -78,11 +80,11 @@ def _against(found: Survey, values: Integers, names: list[str], base: int) -> ND
 
 
 def brightness(axes: Axes, found: Survey, summary: Summary) -> None:
-    """Mean brightness of the images against their contrast, a point a keyframe, by condition."""
+    """Mean brightness of the images against their contrast, one point per keyframe, by condition."""
     names = list(dict.fromkeys(entry["condition"] for entry in summary["conditions"]))
     colors = matplotlib.colormaps["tab10"].colors  # type: ignore[attr-defined]
     for name, color in zip(names, colors, strict=False):
-        mine = [reading for reading in found.readings if found.condition[reading.keyframe] == name]
+        mine = [each for each in found.sensor_data if found.condition[each.keyframe] == name]
         axes.scatter(
             [r.brightness for r in mine], [r.contrast for r in mine], s=14, alpha=0.7, color=color, linewidths=0,
             label=label(name),
@@ -135,7 +137,7 @@ def rcs(axes: Axes, found: Survey, summary: Summary) -> None:
     values = all_returns(found, "rcs")
     axes.hist(values, edges.tolist(), density=True, color="#d8d8d2", label=f"all returns ({len(values):,})")
     for name in FIVE:
-        mine = np.concatenate([np.zeros(0), *(reading.rcs_of.get(name, np.zeros(0)) for reading in found.readings)])
+        mine = np.concatenate([np.zeros(0), *(each.rcs_of.get(name, np.zeros(0)) for each in found.sensor_data)])
         if len(mine) > 20:
             density, _ = np.histogram(mine, edges, density=True)
             axes.plot(edges[:-1] + 1, density, color=COLOR_OF[name], linewidth=1.6, label=label(name))
@@ -152,8 +154,8 @@ def rcs(axes: Axes, found: Survey, summary: Summary) -> None:
 
 
 def returns(axes: Axes, found: Survey, summary: Summary) -> None:
-    """Radar returns of one unit's scan."""
-    counts = np.array([count for reading in found.readings for count in reading.radar_returns] or [0])
+    """Radar returns of one sensor's scan."""
+    counts = np.array([count for each in found.sensor_data for count in each.radar_returns] or [0])
     axes.hist(counts, bins=np.linspace(0, max(counts.max(), 10), 30).tolist(), color="#5b9a6f", rwidth=0.9)
     axes.set_xlabel("returns in one scan of one radar")
     axes.set_ylabel("scans")

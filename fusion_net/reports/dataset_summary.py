@@ -1,4 +1,4 @@
-"""The figures of a data set's survey as one JSON document, beside what is published of nuScenes."""
+"""The figures of a data set's survey as one JSON document, compared with what is published of nuScenes."""
 
 from collections import Counter
 from typing import Any
@@ -37,7 +37,7 @@ def summarize(found: Survey) -> Summary:
         "speed_edges": list(SPEEDS),
         "speed": _counts(objects.speed, SPEEDS),
         "visibility": dict(zip(VISIBILITY, np.bincount(objects.visibility, minlength=5).tolist(), strict=True)),
-        "readings": _readings(found),
+        "sensor_data": _keyframe_data(found),
         "nuscenes": beside_nuscenes(found),
     }
 
@@ -67,13 +67,13 @@ def by_range(found: Survey, chosen: NDArray[np.bool_], values: NDArray) -> list[
 def _class(found: Survey, label: int) -> Summary:
     objects = found.objects
     mine = objects.label == label
-    rcs = [reading.rcs_of.get(CLASSES[label], np.zeros(0)) for reading in found.readings]
+    rcs = [each.rcs_of.get(CLASSES[label], np.zeros(0)) for each in found.sensor_data]
     return {
         "objects": int(mine.sum()),
         "range": _counts(objects.range[mine], RANGES),
         "visibility": np.bincount(objects.visibility[mine], minlength=5).tolist(),
         "speed": spread(objects.speed[mine]),
-        "moving": _share(objects.speed[mine & np.isfinite(objects.speed)] > SPEEDS[1]),
+        "moving": _fraction(objects.speed[mine & np.isfinite(objects.speed)] > SPEEDS[1]),
         "width": spread(objects.wlh[mine, 0]),
         "length": spread(objects.wlh[mine, 1]),
         "height": spread(objects.wlh[mine, 2]),
@@ -81,20 +81,20 @@ def _class(found: Survey, label: int) -> Summary:
         "lidar_points_by_range": by_range(found, mine, objects.lidar_points),
         "radar_points": spread(objects.radar_points[mine]),
         "radar_points_by_range": by_range(found, mine, objects.radar_points),
-        "with_radar": _share(objects.radar_points[mine] > 0),
+        "with_radar": _fraction(objects.radar_points[mine] > 0),
         "rcs": spread(np.concatenate([np.zeros(0), *rcs])),
     }
 
 
 def _conditions(found: Survey) -> list[Summary]:
-    """One entry a condition and severity, the mildest first."""
+    """One entry per condition and severity, the mildest first."""
     kind = list(zip(found.condition, found.severity, strict=True))
     scenes = Counter(_first_of_each(found.scene, kind))
     keyframes = Counter(kind)
     objects = Counter(kind[row] for row in found.objects.keyframe.tolist())
     entries = []
     for each in sorted(keyframes, key=lambda k: (-sum(n for c, n in keyframes.items() if c[0] == k[0]), k)):
-        readings = [reading for reading in found.readings if kind[reading.keyframe] == each]
+        sensor_data = [data for data in found.sensor_data if kind[data.keyframe] == each]
         entries.append(
             {
                 "condition": each[0],
@@ -102,34 +102,34 @@ def _conditions(found: Survey) -> list[Summary]:
                 "scenes": scenes[each],
                 "keyframes": keyframes[each],
                 "objects": objects[each],
-                "brightness": spread([reading.brightness for reading in readings]),
-                "contrast": spread([reading.contrast for reading in readings]),
-                "lidar_points": spread([reading.lidar_points for reading in readings]),
-                "radar_returns": spread([sum(reading.radar_returns) for reading in readings]),
+                "brightness": spread([data.brightness for data in sensor_data]),
+                "contrast": spread([data.contrast for data in sensor_data]),
+                "lidar_points": spread([data.lidar_points for data in sensor_data]),
+                "radar_returns": spread([sum(data.radar_returns) for data in sensor_data]),
             }
         )
     return entries
 
 
-def _readings(found: Survey) -> Summary:
+def _keyframe_data(found: Survey) -> Summary:
     return {
-        "keyframes": len(found.readings),
-        "brightness": spread([reading.brightness for reading in found.readings]),
-        "lidar_points": spread([reading.lidar_points for reading in found.readings]),
-        "radar_returns_per_scan": spread([count for reading in found.readings for count in reading.radar_returns]),
+        "keyframes": len(found.sensor_data),
+        "brightness": spread([each.brightness for each in found.sensor_data]),
+        "lidar_points": spread([each.lidar_points for each in found.sensor_data]),
+        "radar_returns_per_scan": spread([count for each in found.sensor_data for count in each.radar_returns]),
         "rcs": spread(all_returns(found, "rcs")),
         "radar_speed": spread(all_returns(found, "speed")),
     }
 
 
 def all_returns(found: Survey, name: str) -> NDArray[np.float32]:
-    """``rcs`` or ``speed`` of the radar returns of all readings."""
-    return np.concatenate([np.zeros(0, np.float32), *(getattr(reading, name) for reading in found.readings)])
+    """``rcs`` or ``speed`` of the radar returns of all keyframes that were opened."""
+    return np.concatenate([np.zeros(0, np.float32), *(getattr(each, name) for each in found.sensor_data)])
 
 
 def beside_nuscenes(found: Survey) -> list[list[str]]:
     """Rows of name, here, nuScenes, source: only what is published."""
-    readings = _readings(found)
+    sensor_data = _keyframe_data(found)
     objects = found.objects
     near_cars = (objects.label == CLASSES.index("car")) & (objects.range < 50) & (objects.radar_points > 0)
     cars = spread(objects.radar_points[near_cars])
@@ -138,9 +138,9 @@ def beside_nuscenes(found: Survey) -> list[list[str]]:
     return [
         ["sensors", sensors, "6 camera, 1 lidar, 5 radar", "nuScenes paper"],
         ["image", f"{width} x {height}" if width else "none", "1600 x 900", "nuScenes paper"],
-        ["LiDAR points a sweep", _pm(readings["lidar_points"], 0), "about 34,000, all round", "nuScenes"],
-        ["RCS of radar returns, dBsm", _pm(readings["rcs"], 1), "4.8 ± 7.6", "CRN's normalisation"],
-        ["speed of radar returns, m/s", _pm(readings["radar_speed"], 2), "0.68 ± 1.98", "CRN's normalisation"],
+        ["LiDAR points per sweep", _pm(sensor_data["lidar_points"], 0), "about 34,000, all round", "nuScenes"],
+        ["RCS of radar returns, dBsm", _pm(sensor_data["rcs"], 1), "4.8 ± 7.6", "CRN's normalisation"],
+        ["speed of radar returns, m/s", _pm(sensor_data["radar_speed"], 2), "0.68 ± 1.98", "CRN's normalisation"],
         [
             "radar returns of a car within 50 m",
             "none" if cars["mean"] is None else f"{cars['p5']:.0f} to {cars['p95']:.0f} in a keyframe",
@@ -160,7 +160,7 @@ def _counts(values: NDArray, edges: tuple[float, ...]) -> list[int]:
     return np.histogram(values[np.isfinite(values)], edges)[0].tolist()
 
 
-def _share(flags: NDArray[np.bool_]) -> float | None:
+def _fraction(flags: NDArray[np.bool_]) -> float | None:
     return float(flags.mean()) if len(flags) else None
 
 

@@ -1,4 +1,4 @@
-"""What there is in a data set: its objects, keyframes and readings as arrays, before anything is counted."""
+"""What there is in a data set: its objects, keyframes and sensor data as arrays, before anything is counted."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -16,7 +16,7 @@ from fusion_net.nuscenes.nuscenes import NuScenes
 from fusion_net.nuscenes.sensor_files import read_image, read_radar
 
 UNKNOWN = "not stated"
-"""Condition and layout of a tree that does not say, such as a real one."""
+"""Condition and layout of a data set that does not say, such as a real one."""
 RADAR_GATE = 1.0
 """Metres by which a box is grown on every side before radar returns are counted as the object's."""
 ALL = list(CLASSES)
@@ -24,7 +24,7 @@ ALL = list(CLASSES)
 
 @dataclass(frozen=True)
 class Objects:
-    """N labelled objects, one row a keyframe in which they are labelled."""
+    """N labelled objects, one row per keyframe in which they are labelled."""
 
     keyframe: NDArray[np.int64]  # (N,) row of Survey's keyframes
     label: NDArray[np.int64]  # (N,) index into CLASSES
@@ -42,9 +42,9 @@ class Objects:
 
 
 @dataclass(frozen=True)
-class Readings:
-    """What the sensors gave in one keyframe. ``radar_returns`` holds a figure a unit; ``rcs_of`` the RCS of the returns at each
-    class's boxes."""
+class KeyframeData:
+    """What the sensors measured in one keyframe. ``radar_returns`` holds one figure per radar; ``rcs_of`` the RCS of the
+    returns at each class's boxes."""
 
     keyframe: int
     brightness: float  # mean of the first camera's image, 0 .. 255; NaN without a camera
@@ -59,13 +59,13 @@ class Readings:
 @dataclass
 class Survey:
     """A data set. ``condition``, ``severity`` and ``layout`` say it for each keyframe, ``scene`` which scene it is of;
-    ``pictures`` has one image a condition and severity."""
+    ``pictures`` has one image per condition and severity."""
 
     scene: list[str] = field(default_factory=list)
     condition: list[str] = field(default_factory=list)
     severity: list[int] = field(default_factory=list)
     layout: list[str] = field(default_factory=list)
-    readings: list[Readings] = field(default_factory=list)
+    sensor_data: list[KeyframeData] = field(default_factory=list)
     pictures: dict[tuple[str, int], NDArray[np.uint8]] = field(default_factory=dict)
     channels: dict[str, list[str]] = field(default_factory=dict)
     image_size: tuple[int, int] = (0, 0)
@@ -73,7 +73,7 @@ class Survey:
 
 
 def survey(samples: Sequence[tuple[NuScenes, str]], *, files: int) -> Survey:
-    """Looks at the labels of all ``samples`` (tree, token) and at the files of at most ``files`` of them."""
+    """Looks at the labels of all ``samples`` (data set, token) and at the files of at most ``files`` of them."""
     found = Survey()
     first = samples[0][0]
     found.channels = {name: first.channels(name) for name in MODALITIES}
@@ -81,26 +81,26 @@ def survey(samples: Sequence[tuple[NuScenes, str]], *, files: int) -> Survey:
     reader = SampleReader(cameras=found.channels["camera"][:1], lidar_sweeps=0, radar_sweeps=0, label_stride=None)
     refuse_missing_files([samples[row] for row in sorted(opened)], reader)
     parts = []
-    for row, (tree, token) in enumerate(samples):
-        scene = tree.scene(token)
+    for row, (nusc, token) in enumerate(samples):
+        scene = nusc.scene(token)
         condition = scene.get("condition", {})
         found.scene.append(scene["name"])
         found.condition.append(condition.get("name", UNKNOWN))
         found.severity.append(condition.get("severity", 1))
         found.layout.append(scene.get("layout", UNKNOWN))
-        parts.append(_objects(tree, token, row))
+        parts.append(_objects(nusc, token, row))
         if row in opened:
-            found.readings.append(_readings(tree, token, row, found))
+            found.sensor_data.append(_keyframe_data(nusc, token, row, found))
     columns = zip(*parts, strict=True)
     found.objects = Objects(*(np.concatenate(column) for column in columns))
     return found
 
 
-def _objects(tree: NuScenes, token: str, row: int) -> tuple[NDArray, ...]:
+def _objects(nusc: NuScenes, token: str, row: int) -> tuple[NDArray, ...]:
     """The columns of Objects for one sample."""
-    labels = tree.annotations(token, ALL)
+    labels = nusc.annotations(token, ALL)
     boxes = labels.boxes
-    place = transform(invert(tree.global_T_ego(tree.reference(token))), boxes.center)[:, :2]
+    place = transform(invert(nusc.global_T_ego(nusc.reference(token))), boxes.center)[:, :2]
     speed = np.hypot(*boxes.velocity.T)
     return (
         np.full(len(boxes), row), boxes.label, place, speed, labels.visibility, labels.num_lidar_pts,
@@ -108,32 +108,32 @@ def _objects(tree: NuScenes, token: str, row: int) -> tuple[NDArray, ...]:
     )  # fmt: skip
 
 
-def _readings(tree: NuScenes, token: str, row: int, found: Survey) -> Readings:
+def _keyframe_data(nusc: NuScenes, token: str, row: int, found: Survey) -> KeyframeData:
     light = np.array([np.nan, np.nan])
-    camera = next((tree.keyframes[token][c] for c in found.channels["camera"] if c in tree.keyframes[token]), None)
+    camera = next((nusc.keyframes[token][c] for c in found.channels["camera"] if c in nusc.keyframes[token]), None)
     if camera is not None:
-        with tree.file_of(camera) as path:
-            image = read_image(path, tree.image_size(camera))
+        with nusc.file_of(camera) as path:
+            image = read_image(path, nusc.image_size(camera))
         found.image_size = image.shape[1], image.shape[0]
         found.pictures.setdefault((found.condition[row], found.severity[row]), image)
         grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
         light = np.array([grey.mean(), grey.std()])
     reader = SampleReader(lidar_sweeps=0, radar_sweeps=0, label_stride=None, modalities=["lidar", "radar"])
-    sample = reader.read(tree, token)
+    sample = reader.read(nusc, token)
     radar = sample.radar_points
-    alone = [_radar_returns(tree, token, channel) for channel in found.channels["radar"]]
-    return Readings(
+    alone = [_radar_returns(nusc, token, channel) for channel in found.channels["radar"]]
+    return KeyframeData(
         row, float(light[0]), float(light[1]), len(sample.lidar_points), [count for count in alone if count >= 0],
         radar[:, 3], np.hypot(radar[:, 4], radar[:, 5]), _rcs_of(sample.boxes, radar),
     )  # fmt: skip
 
 
-def _radar_returns(tree: NuScenes, token: str, channel: str) -> int:
+def _radar_returns(nusc: NuScenes, token: str, channel: str) -> int:
     """Returns of one unit's keyframe scan, -1 where it gave none."""
-    records = tree.firings(token, channel, 0)
+    records = nusc.keyframe_and_sweeps(token, channel, 0)
     if not records:
         return -1
-    with tree.file_of(records[0]) as path:
+    with nusc.file_of(records[0]) as path:
         return len(read_radar(path))
 
 

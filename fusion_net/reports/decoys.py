@@ -12,7 +12,7 @@ Audit = list[dict[str, Any]]
 TITLE = "decoys: which sensors tell a standing object from a body that copies it"
 NOTES = (
     "AUC: how often the score at a real object is above the score at its decoy; 1: always told apart, 0.5: never.",
-    "found: share of the real ones / of the decoys with a detection of the class above the score of its best F1.",
+    "found: fraction of the real objects / of the decoys with a detection of the class above the score of its best F1.",
 )
 
 
@@ -37,7 +37,7 @@ def as_markdown(audit: Audit) -> str:
 
 
 def as_csv(audit: Audit) -> str:
-    """One line a class and subset of sensors."""
+    """One line per class and subset of sensors."""
     target = io.StringIO()
     writer = csv.writer(target, lineterminator="\n")
     writer.writerow(["imitates", "sensors", "AUC", "real_found", "decoys_found", "real", "decoys"])

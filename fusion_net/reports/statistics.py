@@ -11,7 +11,7 @@ from pathlib import Path
 from omegaconf import DictConfig
 
 from fusion_net.common.cli.command import command
-from fusion_net.nuscenes.datasets import open_datasets, split_of
+from fusion_net.nuscenes.datasets import open_datasets, samples_of_split
 from fusion_net.reports.dataset_page import render_page
 from fusion_net.reports.dataset_summary import summarize
 from fusion_net.reports.dataset_survey import survey
@@ -31,7 +31,7 @@ def write_statistics(
     if samples < 1:
         raise ValueError(f"samples={samples} is not a number of keyframes: 1 or more")
     folders = [root] if isinstance(root, str) else list(root)
-    found = survey(split_of(open_datasets(root, version), split), files=samples)
+    found = survey(samples_of_split(open_datasets(root, version), split), files=samples)
     name = os.fsencode(", ".join(folders)).decode("utf-8", errors="replace")  # whatever the locale made of it
     summary = {"root": name, "split": split} | summarize(found)
     folder = Path(out or folders[0])

@@ -16,7 +16,7 @@ SHORT = {"construction_vehicle": "constr", "pedestrian": "person", "motorcycle":
 UNITS = {"mATE": "m", "mAOE": "rad", "mAVE": "m/s"}
 NOTES = (
     *FOOTNOTES,
-    "[..]: 95 % interval over scenes drawn with replacement; delta: against the first row on the same draws.",
+    "[..]: 95 % bootstrap interval over scenes; delta: difference from the first row on the same resamples.",
     "ms: forward and decoding of one sample. random: boxes of the labels' own classes and sizes at random places.",
 )
 
@@ -56,7 +56,7 @@ def as_markdown(doc: dict[str, Any]) -> str:
 
 
 def as_csv(doc: dict[str, Any]) -> str:
-    """One line a row with every figure at full precision."""
+    """One line per row with every figure at full precision."""
     target = io.StringIO()
     lines = [_flat(row) for row in _all_rows(doc)]
     writer = csv.DictWriter(target, fieldnames=list(lines[0]), lineterminator="\n")

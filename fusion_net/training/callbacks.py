@@ -12,6 +12,7 @@ from typing import Any
 
 import lightning.pytorch as pl
 import torch
+from lightning.pytorch.utilities import rank_zero_only
 from torch import Tensor
 from tqdm import tqdm
 
@@ -36,38 +37,40 @@ class PlanCallback(pl.Callback):
         self.is_over = self._position(trainer)[1] >= 1
 
     def on_train_batch_start(self, trainer, pl_module, batch, batch_idx) -> None:
-        """Sets stage, share, rate and random state of this step."""
-        stage, share = self._position(trainer)
-        pl_module.enter(stage, share)
+        """Sets stage, progress, learning rate and random state of this step."""
+        stage, progress = self._position(trainer)
+        pl_module.enter(stage, progress)
         for group in trainer.optimizers[0].param_groups:
-            group["lr"] = self.plan.learning_rate(share) * group.get("lr_scale", 1.0)
+            group["lr"] = self.plan.learning_rate(progress) * group.get("lr_scale", 1.0)
         torch.manual_seed(hash((self.seed, trainer.global_step)))
 
     def on_train_batch_end(self, trainer, pl_module, outputs, batch, batch_idx) -> None:
-        """Notes whether this was the last step. Gives fragmented heap back every 50 steps: clouds of varying length
+        """Notes whether this was the last step. Gives fragmented heap back every 50 steps: point clouds of varying length
         otherwise grow the process to many GB."""
         self.is_over = self._position(trainer)[1] >= 1
         if trainer.global_step % 50 == 0:
             trim_memory()
 
     def restart_clock(self) -> None:
-        """What went on since the last step is not charged to the plan: validation, checkpoints."""
+        """Time since the last step does not count: validation, checkpoints."""
         self._tick = time.perf_counter()
 
     def _position(self, trainer: pl.Trainer) -> tuple[Stage, float]:
-        """Stage and share at this step and time."""
+        """Stage and progress at this step and time. Several processes go by the clock of the first."""
         now = time.perf_counter()
         self.elapsed, self._tick = self.elapsed + now - self._tick, now
+        if self.plan.max_minutes is not None:
+            self.elapsed = trainer.strategy.broadcast(self.elapsed)
         return self.plan.position(trainer.global_step, self.elapsed)
 
     def state_dict(self) -> dict[str, Any]:
         """Clock and stage, for the checkpoint."""
-        return {"elapsed": self.elapsed, "began": self.plan.began}
+        return {"elapsed": self.elapsed, "stage_starts": self.plan.stage_starts}
 
     def load_state_dict(self, state_dict: dict[str, Any]) -> None:
         """Clock and stage of the interrupted run."""
         self.elapsed = state_dict["elapsed"]
-        self.plan.began = [list(pair) for pair in state_dict["began"]]
+        self.plan.stage_starts = [list(pair) for pair in state_dict["stage_starts"]]
 
 
 class TerminalProgress(pl.Callback):
@@ -80,7 +83,8 @@ class TerminalProgress(pl.Callback):
 
     def on_train_start(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
         """Opens the bar."""
-        if sys.stderr.isatty() and multiprocessing.parent_process() is None:  # not beside another job of a sweep
+        is_job = multiprocessing.parent_process() is not None  # its bar would stand in that of another job of a sweep
+        if trainer.is_global_zero and sys.stderr.isatty() and not is_job:
             self._bar = tqdm(total=self.total, initial=trainer.global_step, unit="step", ascii=True)
         self._seen, self._since = trainer.global_step, time.perf_counter()
 
@@ -91,10 +95,10 @@ class TerminalProgress(pl.Callback):
         if self._bar is not None:
             self._bar.set_postfix_str(f"{pl_module.stage} loss {loss:.3f}", refresh=False)
             self._bar.update(step - self._bar.n)
-        elif step % self.every == 0 and step > self._seen:
+        elif trainer.is_global_zero and step % self.every == 0 and step > self._seen:
             now = time.perf_counter()
-            rate = (step - self._seen) * batch.size / (now - self._since)
-            print(f"step {step}/{self.total} {pl_module.stage:6} loss {loss:7.3f}  {rate:5.1f} samples/s", flush=True)
+            rate = (step - self._seen) * batch.size * trainer.world_size / (now - self._since)
+            print(f"step {step}/{self.total} {pl_module.stage:11} loss {loss:7.3f}  {rate:5.1f} samples/s", flush=True)
             self._seen, self._since = step, now
 
     def on_train_end(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
@@ -122,8 +126,9 @@ class MetricsCSV(pl.Callback):
         if trainer.global_step % self.every == 0:
             self.write(trainer.global_step, pl_module.scalars)
 
+    @rank_zero_only
     def write(self, step: int, scalars: Mapping[str, float | Tensor]) -> None:
-        """Appends a step's scalars."""
+        """Appends a step's scalars; of several processes the first one does."""
         is_new = not self.path.exists()
         with self.path.open("a", newline="", encoding="utf-8") as file:
             writer = csv.writer(file)
@@ -135,6 +140,7 @@ class MetricsCSV(pl.Callback):
         """How long the file is, for the checkpoint."""
         return {"bytes": self.path.stat().st_size if self.path.exists() else 0}
 
+    @rank_zero_only
     def load_state_dict(self, state_dict: dict[str, Any]) -> None:
         """Cuts off the rows of steps that were taken after the checkpoint: they are taken again."""
         if self.path.exists() and self.path.stat().st_size > state_dict["bytes"]:

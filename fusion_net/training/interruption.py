@@ -16,10 +16,11 @@ class Interruption(pl.Callback):
     """
 
     def __init__(self) -> None:
-        self.requested = False
+        self.requested, self._announces = False, True
 
     def on_train_start(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
         """Sets the handlers, over Lightning's own. Its teardown brings back those from before."""
+        self._announces = trainer.is_global_zero
         if threading.current_thread() is threading.main_thread():
             for number in (signal.SIGINT, signal.SIGTERM):
                 if signal.getsignal(number) is not signal.SIG_IGN:  # nohup, or a shell's background job
@@ -29,6 +30,7 @@ class Interruption(pl.Callback):
         if self.requested:
             raise KeyboardInterrupt
         self.requested = True
-        os.write(
-            2, b"\nstopping at the end of this step; once more stops at once and loses what came after last.ckpt\n"
-        )
+        if self._announces:
+            os.write(
+                2, b"\nstopping at the end of this step; once more stops at once and loses what came after last.ckpt\n"
+            )

@@ -1,4 +1,4 @@
-"""Modality dropout: practise in training what will fail in service."""
+"""Modality dropout: training with the sensors missing that may fail in service."""
 
 import torch
 from torch import Tensor
@@ -11,10 +11,10 @@ PROPER_SUBSETS = torch.tensor(
 """The six subsets (6, M) that keep at least one modality and drop at least one."""
 
 
-def draw_present(batch_size: int, probability: float, generator: torch.Generator) -> Tensor:
+def sample_present(batch_size: int, probability: float, generator: torch.Generator) -> Tensor:
     """Which modalities each sample keeps (B, M): with ``probability`` one of the six proper subsets, else all.
 
-    Drawn a sample, not a batch, and never empty (UniBEV and CMT drop one of two; with three, a uniform proper subset).
+    Sampled per sample, not per batch, and never empty (UniBEV and CMT drop one of two; with three, a uniform proper subset).
     """
     dropped = torch.rand(batch_size, generator=generator) < probability
     subset = PROPER_SUBSETS[torch.randint(len(PROPER_SUBSETS), (batch_size,), generator=generator)]

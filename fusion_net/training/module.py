@@ -1,4 +1,4 @@
-"""The training step: which losses in which stage, which sensors a sample keeps."""
+"""The training step: which losses in which stage, which sensors each sample keeps."""
 
 import lightning.pytorch as pl
 import torch
@@ -7,7 +7,7 @@ from fusion_net.common.nuscenes_format import MODALITIES
 from fusion_net.data.batch import Batch
 from fusion_net.models.camera_encoder import CameraEncoder
 from fusion_net.models.fusion_net import FusionNet
-from fusion_net.training.modality_dropout import draw_present
+from fusion_net.training.modality_dropout import sample_present
 from fusion_net.training.optimizer import make_optimizer
 from fusion_net.training.plan import Stage
 
@@ -15,8 +15,8 @@ from fusion_net.training.plan import Stage
 class DetectorModule(pl.LightningModule):
     """Wraps a detector (``forward``, ``loss``, and ``camera_loss`` where there is a camera) for Lightning.
 
-    ``modality_dropout`` acts from the share ``dropout_from`` of the fusion stage; ``freeze_camera`` lets the camera's
-    image plane rest in it. ``scalars`` has the last step's losses and shares of samples that kept each sensor, by name.
+    ``modality_dropout`` acts from the fraction ``dropout_from`` of the fusion stage; ``freeze_camera`` lets the camera's
+    image plane rest in it. ``scalars`` has the last step's losses and fractions of samples that kept each sensor, by name.
     """
 
     def __init__(
@@ -37,16 +37,16 @@ class DetectorModule(pl.LightningModule):
         self.modality_dropout, self.dropout_from, self.freeze_camera = modality_dropout, dropout_from, freeze_camera
         self.weight_decay, self.max_lr, self.seed = weight_decay, max_lr, seed
         self.stage: Stage = "fusion"
-        self.share = 0.0
+        self.progress = 0.0
         self.scalars: dict[str, torch.Tensor] = {}
 
-    def enter(self, stage: Stage, share: float) -> None:
+    def enter(self, stage: Stage, progress: float) -> None:
         """Told before each step where the plan is."""
         camera = dict(self.model.encoders.items()).get("camera")
         frozen = stage != "camera" and self.freeze_camera
         if isinstance(camera, CameraEncoder) and camera.frozen != frozen:
             camera.freeze(frozen)
-        self.stage, self.share = stage, share
+        self.stage, self.progress = stage, progress
 
     def training_step(self, batch: Batch, batch_idx: int) -> torch.Tensor:
         """The loss of one batch; stops with the terms when it is not finite."""
@@ -65,12 +65,14 @@ class DetectorModule(pl.LightningModule):
         return losses["loss"]
 
     def _present(self, batch: Batch) -> torch.Tensor:
-        if self.stage == "alone":
+        if self.stage == "camera_only":
             return torch.tensor([name == "camera" for name in MODALITIES], device=batch.present.device) & batch.present
-        probability = self.modality_dropout if self.share >= self.dropout_from else 0.0
-        generator = torch.Generator().manual_seed(abs(hash((self.seed, self.global_step))))
-        drawn = draw_present(batch.size, probability, generator).to(batch.present.device)
-        kept = batch.present & drawn
+        probability = self.modality_dropout if self.progress >= self.dropout_from else 0.0
+        rank = self.global_rank  # of several devices each samples for itself
+        key = (self.seed, self.global_step, rank) if rank else (self.seed, self.global_step)
+        generator = torch.Generator().manual_seed(abs(hash(key)))
+        sampled = sample_present(batch.size, probability, generator).to(batch.present.device)
+        kept = batch.present & sampled
         return torch.where(
             kept.any(dim=1, keepdim=True), kept, batch.present
         )  # a dead sensor is never all that is left

@@ -1,7 +1,7 @@
-"""How a run spends its steps or minutes: the weak sensor first, then all of them, each stage under a one-cycle rate.
+"""The stages of a training run: the weak sensor first, then all of them, each stage under a one-cycle learning rate.
 
-``camera``: the camera's dense losses alone, without which it contributes nothing in minutes. ``alone``: the whole network
-with the camera as its only sensor, so that decoder and head learn to read it before a stronger one does the work for it.
+``camera``: the camera's dense losses alone, without which it contributes nothing in minutes. ``camera_only``: the whole
+network with the camera as its only sensor, so that decoder and head learn to read it before a stronger one does the work.
 ``fusion``: everything.
 """
 
@@ -11,14 +11,14 @@ from typing import Literal
 
 from beartype import beartype
 
-Stage = Literal["camera", "alone", "fusion"]
-STAGES: tuple[Stage, ...] = ("camera", "alone", "fusion")
+Stage = Literal["camera", "camera_only", "fusion"]
+STAGES: tuple[Stage, ...] = ("camera", "camera_only", "fusion")
 
 
 @beartype
 @dataclass
 class TrainingPlan:
-    """Steps of each stage, and the share of ``max_minutes`` (if set) after which it ends anyway.
+    """Steps of each stage, and the fraction of ``max_minutes`` (if set) after which it ends anyway.
 
     Rates anneal by whichever limit is nearer, so a short run is a whole run in small; a stage that ends early leaves its
     time to the next.
@@ -26,40 +26,51 @@ class TrainingPlan:
 
     steps: dict[str, int]
     max_lr: float
-    warmup: float = 0.15
+    warmup_fraction: float | int
+    stage_fractions: dict[str, float]
     max_minutes: float | int | None = None
-    time_shares: dict[str, float] = field(default_factory=lambda: {"camera": 0.18, "alone": 0.05, "fusion": 0.77})
-    began: list[list[float]] = field(default_factory=lambda: [[0.0, 0.0]])  # (step, seconds) of each stage begun so far
+    stage_starts: list[list[float]] = field(
+        default_factory=lambda: [[0.0, 0.0]]
+    )  # (step, seconds) of each stage so far
 
     def __post_init__(self) -> None:
         if unknown := set(self.steps) ^ set(STAGES):
             raise ValueError(f"plan: steps need exactly {', '.join(STAGES)}; check {', '.join(sorted(unknown))}")
         if self.steps["fusion"] < 1 or min(self.steps.values()) < 0:
             raise ValueError(f"plan: steps {self.steps} must not be negative, and fusion at least 1")
+        if unknown := set(self.stage_fractions) ^ set(STAGES):
+            raise ValueError(
+                f"plan: stage_fractions need exactly {', '.join(STAGES)}; check {', '.join(sorted(unknown))}"
+            )
+        if min(self.stage_fractions.values()) < 0 or not self.stage_fractions["fusion"]:
+            raise ValueError(f"plan: stage_fractions {self.stage_fractions} must not be negative, and fusion above 0")
+        if not 0 <= self.warmup_fraction < 1:
+            raise ValueError(f"plan: warmup_fraction={self.warmup_fraction} must be at least 0 and below 1")
         if self.max_minutes is not None and self.max_minutes <= 0:
             raise ValueError(f"plan: max_minutes={self.max_minutes} must be above 0")
 
     def position(self, step: int, elapsed: float) -> tuple[Stage, float]:
-        """Stage and the share of it that is done (1: over) after ``step`` steps and ``elapsed`` seconds."""
+        """Stage and the fraction of it that is done (1: over) after ``step`` steps and ``elapsed`` seconds."""
         while True:
-            stage = STAGES[len(self.began) - 1]
-            first_step, first_second = self.began[-1]
+            stage = STAGES[len(self.stage_starts) - 1]
+            first_step, first_second = self.stage_starts[-1]
             done = (step - first_step) / self.steps[stage] if self.steps[stage] else 1.0
             if self.max_minutes is not None:
                 ahead = STAGES[STAGES.index(stage) :]
-                fair = self.time_shares[stage] / sum(self.time_shares[s] for s in ahead if self.steps[s])
+                fraction = self.stage_fractions[stage] / sum(self.stage_fractions[s] for s in ahead if self.steps[s])
                 left = 60.0 * self.max_minutes - first_second
-                done = max(done, (elapsed - first_second) / max(left * fair, 1e-9))
+                done = max(done, (elapsed - first_second) / max(left * fraction, 1e-9))
             if done < 1 or stage == STAGES[-1]:
                 return stage, min(done, 1.0)
-            self.began.append([float(step), elapsed])
+            self.stage_starts.append([float(step), elapsed])
 
-    def learning_rate(self, share: float) -> float:
-        """One-cycle (Smith, 2018): cosine from max_lr / 20 up over ``warmup``, then cosine down to max_lr / 1000."""
+    def learning_rate(self, progress: float) -> float:
+        """One-cycle (Smith, 2018): cosine from max_lr / 20 up over ``warmup_fraction``, then cosine down to max_lr / 1000."""
         low, high, end = self.max_lr / 20, self.max_lr, self.max_lr / 1000
-        if share < self.warmup:
-            return high + (low - high) * 0.5 * (1 + math.cos(math.pi * share / self.warmup))
-        return end + (high - end) * 0.5 * (1 + math.cos(math.pi * (share - self.warmup) / (1 - self.warmup)))
+        if progress < self.warmup_fraction:
+            return high + (low - high) * 0.5 * (1 + math.cos(math.pi * progress / self.warmup_fraction))
+        annealed = (progress - self.warmup_fraction) / (1 - self.warmup_fraction)
+        return end + (high - end) * 0.5 * (1 + math.cos(math.pi * annealed))
 
     @property
     def total_steps(self) -> int:

@@ -51,7 +51,8 @@ class StepEnd(pl.Callback):
     Checkpoints are written here and nowhere else, never after an exception: inside a step batch norm may have counted the
     batch and the optimizer may have moved half of the weights. A resumed run repeats the steps since ``last.ckpt``, bit
     for bit. An interruption that comes during validation leaves a checkpoint that says so, and the validation is run again.
-    Comes last in the list of callbacks, so that the others have seen the step.
+    Comes last in the list of callbacks, so that the others have seen the step. Of several processes the first one validates
+    while the others wait for its result; all of them take the same decisions.
     """
 
     def __init__(
@@ -88,24 +89,32 @@ class StepEnd(pl.Callback):
         if self._must_validate:
             self._validate(trainer)
         trainer.should_stop = self.plan.is_over and not self._must_validate
-        if trainer.should_stop or self.interruption.requested or trainer.global_step % self.save_every == 0:
+        is_interrupted = trainer.strategy.reduce_boolean_decision(self.interruption.requested, all=False)
+        if trainer.should_stop or is_interrupted or trainer.global_step % self.save_every == 0:
             trainer.save_checkpoint(self.last)
-        if self.interruption.requested and not trainer.should_stop:
+        if is_interrupted and not trainer.should_stop:
             raise KeyboardInterrupt
         self.plan.restart_clock()
 
     def _validate(self, trainer: pl.Trainer) -> None:
+        mean_ap = trainer.strategy.broadcast(self._score(trainer) if trainer.is_global_zero else None)
+        if mean_ap is None:
+            return
+        self._must_validate = False
+        if mean_ap >= self._best_map:  # of equals the one that was trained longer
+            self._best_map = mean_ap
+            trainer.save_checkpoint(self.best)
+
+    def _score(self, trainer: pl.Trainer) -> float | None:
+        """The mAP, with all values noted; None if interrupted."""
         found = self._detect(trainer)
         if found is None:
-            return
+            return None
         scored = score(self.truth, [found[token] for token in self.truth.tokens])
         per_class = zip(scored.classes, scored.class_ap.tolist(), strict=True)
         values = {"mAP": scored.mAP, "NDS": scored.NDS} | {f"AP_{name}": ap for name, ap in per_class}
         self._note(trainer, {f"val/{name}": value for name, value in values.items()})
-        self._must_validate = False
-        if scored.mAP >= self._best_map:  # of equals the one that was trained longer
-            self._best_map = float(scored.mAP)
-            trainer.save_checkpoint(self.best)
+        return float(scored.mAP)
 
     @torch.no_grad()
     def _detect(self, trainer: pl.Trainer) -> dict[str, Boxes] | None:

@@ -1,4 +1,4 @@
-"""How LiDAR points are laid over a camera's image: moved with what they lie on to the camera's time, and, to show what an
+"""How LiDAR points are projected onto a camera's image: moved with what they lie on to the camera's time, and, to show what an
 error of calibration does, turned about the sensor.
 
 A turn of 0.5 degrees about the camera shifts a point by f tan(0.5 deg): 8.7 pixels at f = 1000, whatever its distance.
@@ -53,7 +53,7 @@ def turned(points: ArrayLike, center: ArrayLike, error_deg: float) -> Array:
 def agreement(
     points: ArrayLike, depth: NDArray[np.float32], cam_K: Array, ego_T_cam: Array, *, tolerance: float = 0.02
 ) -> float:
-    """Share of the ego points (P, 3) in the image whose depth differs from the exact ``depth`` (H, W) of their pixel by less
+    """Fraction of the ego points (P, 3) in the image whose depth differs from the exact ``depth`` (H, W) of their pixel by less
     than ``tolerance`` of it, or by less than 0.15 m; NaN where no point is in the image. 0 in ``depth`` is no depth."""
     pixels, z = project(cam_K, transform(invert(ego_T_cam), points))
     height, width = depth.shape

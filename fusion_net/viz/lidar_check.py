@@ -22,7 +22,7 @@ from fusion_net.common.drawing import BEVPanel, Image, boxes_on_image, depth_col
 from fusion_net.common.nuscenes_format import DEPTH_SCALE, DEPTH_SUFFIX, REFERENCE
 from fusion_net.data.readable import refuse_missing_files
 from fusion_net.data.samples import Sample, SampleReader
-from fusion_net.nuscenes.datasets import open_datasets, split_of
+from fusion_net.nuscenes.datasets import open_datasets, samples_of_split
 from fusion_net.nuscenes.nuscenes import NuScenes
 from fusion_net.nuscenes.sensor_files import read_labels
 from fusion_net.nuscenes.table_fields import Record
@@ -85,12 +85,12 @@ def _camera(sample: Sample, view: TimedView, lidar_place: NDArray, error_deg: fl
         note = f"{carried.sum()} points moved with their objects"
     pictures = [boxed]
     for error in dict.fromkeys((0.0, error_deg)):
-        dotted, drawn = dim.copy(), turned(points, lidar_place, error)
-        points_on_image(dotted, drawn, radius=2, scale=scale, **camera)
+        dotted, projected = dim.copy(), turned(points, lidar_place, error)
+        points_on_image(dotted, projected, radius=2, scale=scale, **camera)
         fit = (
             ""
             if view.depth is None
-            else f"{100 * agreement(drawn, view.depth, view.cam_K, view.ego_T_cam):.0f} % on the exact depth   "
+            else f"{100 * agreement(projected, view.depth, view.cam_K, view.ego_T_cam):.0f} % on the exact depth   "
         )
         _caption(dotted, f"LiDAR by depth   {fit}" + (f"{error:g} degrees off" if error else note))
         pictures.append(dotted)
@@ -122,21 +122,21 @@ def _caption(image: Image, text: str) -> None:
     cv2.putText(image, text, (8, 18), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (255, 255, 255), 1, cv2.LINE_AA)
 
 
-def read_views(tree: NuScenes, token: str) -> list[TimedView]:
+def read_views(nusc: NuScenes, token: str) -> list[TimedView]:
     """A sample's cameras, each in its own size."""
-    reference, views = tree.reference(token), []
-    for channel in tree.channels("camera"):
-        record = tree.keyframes[token].get(channel)
-        exact = None if record is None else _exact_depth(tree, record)
+    reference, views = nusc.reference(token), []
+    for channel in nusc.channels("camera"):
+        record = nusc.keyframes[token].get(channel)
+        exact = None if record is None else _exact_depth(nusc, record)
         time = (record["timestamp"] - reference["timestamp"]) * 1e-6 if record else 0.0
-        view = SampleReader(cameras=[channel], modalities=["camera"], label_stride=None).read(tree, token)
+        view = SampleReader(cameras=[channel], modalities=["camera"], label_stride=None).read(nusc, token)
         views.append(TimedView(channel, view.images[0], view.cam_K[0], view.ego_T_cam[0], time, exact))
     return views
 
 
-def _exact_depth(tree: NuScenes, record: Record) -> NDArray[np.float32] | None:
-    with tree.file_of(record) as path:
-        depth = read_labels(path, DEPTH_SUFFIX, tree.image_size(record))
+def _exact_depth(nusc: NuScenes, record: Record) -> NDArray[np.float32] | None:
+    with nusc.file_of(record) as path:
+        depth = read_labels(path, DEPTH_SUFFIX, nusc.image_size(record))
     return None if depth is None else depth.astype(np.float32) / DEPTH_SCALE
 
 
@@ -153,21 +153,21 @@ def write_check(
     """Draws the keyframe ``sample`` of a split and writes the picture; returns its path."""
     if not abs(error_deg) <= STEEPEST:
         raise ValueError(f"error_deg={error_deg} is not within {STEEPEST:g} degrees; try error_deg=0.5")
-    samples = split_of(open_datasets(root, version), split)
+    samples = samples_of_split(open_datasets(root, version), split)
     if not 0 <= sample < len(samples):
         raise ValueError(f"sample={sample}: split {split} has samples 0 to {len(samples) - 1}")
-    tree, token = samples[sample]
-    refuse_missing_files([(tree, token)], SampleReader(label_stride=None))
+    nusc, token = samples[sample]
+    refuse_missing_files([(nusc, token)], SampleReader(label_stride=None))
     path = picture_file(out, formats=(".png", ".jpg"))
-    points = SampleReader(cameras=[], label_stride=None).read(tree, token)
+    points = SampleReader(cameras=[], label_stride=None).read(nusc, token)
     all_round = not len(points.lidar_points) or (points.lidar_points[:, 0] < -5).mean() > 0.1
     grid = BEVGrid(-50.0, 50.0, -50.0, 50.0, 1.0) if all_round else BEVGrid(-5.0, 60.0, -35.0, 35.0, 1.0)
-    place = tree.ego_T_sensor(tree.keyframes[token][REFERENCE])[:3, 3]
-    views = read_views(tree, token)
+    place = nusc.ego_T_sensor(nusc.keyframes[token][REFERENCE])[:3, 3]
+    views = read_views(nusc, token)
     sheet = draw_sample(points, views, lidar_place=place, grid=grid, error_deg=error_deg, moving=follow)
     if not cv2.imwrite(str(path), sheet[..., ::-1]):
         raise OSError(f"out={path} could not be written")
-    print(f"{path}: sample {sample} of {len(samples)}, scene {tree.scene(token)['name']}")
+    print(f"{path}: sample {sample} of {len(samples)}, scene {nusc.scene(token)['name']}")
     return path
 
 

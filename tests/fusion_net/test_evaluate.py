@@ -34,7 +34,7 @@ def data(tmp_path_factory):
 def run(data, tmp_path, monkeypatch):
     """runs/mini of an untrained network that validates on mini_val."""
     monkeypatch.chdir(tmp_path)
-    cfg = settings(data, "reader.val.split=mini_val", "encoders=[lidar]")
+    cfg = settings(data, "dataset.val.split=mini_val", "encoders=[lidar]")
     folder = open_run(Path("runs/mini"), cfg, resume=False, overwrite=False)
     weights = {f"model.{name}": value for name, value in build(cfg.model, "model").state_dict().items()}
     for name in ("best", "last"):

@@ -86,7 +86,7 @@ def build(node: Any, where: str, **arguments: Any) -> Any:
         return instantiate(with_floats(settings), _convert_="all", **arguments)
     except InstantiationException as error:
         found = re.search(r"full_key: (\S+)", str(error))
-        key, reason = found.group(1) if found else where, one_line(error.__cause__ or error)
+        key, reason = f"{where}.{found.group(1)}" if found else where, one_line(error.__cause__ or error)
         raise UserError(reason if reason.startswith((f"{key}:", f"{key}.")) else f"{key}: {reason}") from error
 
 

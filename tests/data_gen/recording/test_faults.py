@@ -153,10 +153,10 @@ def test_true_and_reported_mounts_are_both_kept(make):
     "fault",
     [
         Fault(sensors=["lidar"], effect=FewerBeams(keep=8)),
-        Fault(sensors=["LIDAR_TOP"], effect=LostPoints(share=0.8)),
+        Fault(sensors=["LIDAR_TOP"], effect=LostPoints(fraction=0.8)),
         Fault(sensors=["lidar"], effect=LostSector(width_deg=40, spread_deg=30)),
         Fault(sensors=["radar"], effect=LostSector(width_deg=30, center_deg=25)),
-        Fault(sensors=["radar"], effect=LostPoints(share=0.5)),
+        Fault(sensors=["radar"], effect=LostPoints(fraction=0.5)),
         Fault(sensors=["radar"], effect=Dead(), count=1),
         Fault(sensors=["lidar"], effect=Dead(), probability=0.5, per="sample"),
         Fault(sensors=["camera"], effect=Dead(), probability=0.5, per="sample"),
@@ -206,7 +206,7 @@ def test_a_dead_camera_or_radar_leaves_neither_record_nor_file(make):
 
 
 def test_mud_hides_its_share_of_the_image_in_one_place_for_the_scene(make, clean):
-    mud = Fault(sensors=["camera"], effect=BlockedLens(share=0.3))
+    mud = Fault(sensors=["camera"], effect=BlockedLens(fraction=0.3))
     tree = make(mud)
     hidden = []
     for place in range(2):
@@ -244,8 +244,8 @@ def test_a_clock_that_drifts_is_further_off_at_the_end_of_the_scene(make):
 def test_a_stale_sweep_is_the_one_before_under_the_stamp_of_this_one(make, clean):
     tree = make(Fault(sensors=["lidar"], effect=Stale()))
     token = clean.split("all")[1]
-    record, before = clean.firings(token, "LIDAR_TOP", 1)
-    stale = tree.firings(token, "LIDAR_TOP", 0)[0]
+    record, before = clean.keyframe_and_sweeps(token, "LIDAR_TOP", 1)
+    stale = tree.keyframe_and_sweeps(token, "LIDAR_TOP", 0)[0]
     assert tree.path(stale).read_bytes() == clean.path(before).read_bytes()
     assert stale["timestamp"] == record["timestamp"]
     assert stale["true_timestamp"] == before["timestamp"]

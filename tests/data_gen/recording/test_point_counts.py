@@ -138,7 +138,7 @@ def test_echoes_are_what_the_object_sent_back_wherever_it_lies(tree):
 
 
 @pytest.mark.parametrize(
-    "effect", [Dead(), LostPoints(share=0.8), Stale(), Clock(offset=0.04), Mismount(rotation_deg=[0, 0, 3.0])],
+    "effect", [Dead(), LostPoints(fraction=0.8), Stale(), Clock(offset=0.04), Mismount(rotation_deg=[0, 0, 3.0])],
     ids=lambda effect: type(effect).__name__,
 )  # fmt: skip
 def test_a_fault_takes_no_points_from_the_labels(make, tree, effect):

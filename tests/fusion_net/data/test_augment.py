@@ -96,16 +96,16 @@ def test_colours_by_hand(sample):
     brighter = change_colors(sample, np.hstack([1.2 * np.eye(3), np.zeros((3, 1))]))
     np.testing.assert_allclose(brighter.images, np.clip(np.round(sample.images * 1.2), 0, 255), atol=1)
     grey = Augment(saturation=0.999)
-    draws = [grey.draw_colors(np.random.default_rng(seed)) for seed in range(20)]
+    draws = [grey.random_colors(np.random.default_rng(seed)) for seed in range(20)]
     for colors in draws:  # saturation leaves grey pixels as they are
         np.testing.assert_allclose(colors @ (90, 90, 90, 1), (90, 90, 90))
-    contrast = Augment(contrast=0.5).draw_colors(np.random.default_rng(2))
+    contrast = Augment(contrast=0.5).random_colors(np.random.default_rng(2))
     np.testing.assert_allclose(contrast @ (127.5, 127.5, 127.5, 1), (127.5, 127.5, 127.5))
 
 
 def test_draws_follow_from_the_generator_alone_and_cover_the_range():
-    draws = np.stack([EVERYTHING.draw_view(np.random.default_rng(seed)) for seed in range(400)])
-    np.testing.assert_array_equal(draws[7], EVERYTHING.draw_view(np.random.default_rng(7)))
+    draws = np.stack([EVERYTHING.random_view(np.random.default_rng(seed)) for seed in range(400)])
+    np.testing.assert_array_equal(draws[7], EVERYTHING.random_view(np.random.default_rng(7)))
     scale = np.linalg.norm(draws[:, :3, 0], axis=1)
     assert 0.8 <= scale.min() < 0.82 < 1.18 < scale.max() <= 1.2
     mirrored = np.linalg.det(draws[:, :3, :3]) < 0

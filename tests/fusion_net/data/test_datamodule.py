@@ -139,8 +139,8 @@ def test_signals_are_the_training_processs_to_answer(root, number):
 
 def test_two_splits_share_a_tree_that_is_open(root):
     train = dataset(root)
-    val = NuScenesDataset(root, "val", grid=GRID, trees=train.trees)
-    assert val.trees[0] is train.trees[0]
+    val = NuScenesDataset(root, "val", grid=GRID, datasets=train.datasets)
+    assert val.datasets[0] is train.datasets[0]
     assert val.index[0][0] is train.index[0][0]
 
 

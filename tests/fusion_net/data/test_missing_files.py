@@ -91,7 +91,7 @@ def test_generated_data_is_generated_again(root):
 
 def test_every_command_refuses_them(root, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    run = fit(settings(root, "trainer.camera_steps=1", "trainer.alone_steps=0", "trainer.fusion_steps=1"))
+    run = fit(settings(root, "trainer.camera_steps=1", "trainer.camera_only_steps=0", "trainer.fusion_steps=1"))
     shutil.rmtree(root / "samples")
     for command in (
         lambda: fit(settings(root, "name=other")),

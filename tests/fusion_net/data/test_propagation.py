@@ -76,7 +76,7 @@ def test_empty_clouds_stay_empty():
 def tree(tmp_path_factory):
     """The tiny tree with a car about the mover: its LiDAR sees three points of it, each at its own time."""
     tree = NuScenes(write_tree(tmp_path_factory.mktemp("tree"), scenes=1, sweeps=4))
-    for record in tree.firings(TOKEN, "LIDAR_TOP", 4):
+    for record in tree.keyframe_and_sweeps(TOKEN, "LIDAR_TOP", 4):
         t = (record["timestamp"] - tree.reference(TOKEN)["timestamp"]) * 1e-6 + T_KEY
         offsets = np.array([-0.04, -0.02, 0.0])
         at = MOVER_START + MOVER_VELOCITY * (t + offsets)[:, None] + CAR

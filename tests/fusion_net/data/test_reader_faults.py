@@ -18,7 +18,7 @@ from fusion_net.common.fault_effects import (
     Rings,
     Stale,
 )
-from fusion_net.common.faults import Fault, FaultPlan, at_severity
+from fusion_net.common.faults import Fault, FaultPlan, at_severity, fault_at_severity
 from fusion_net.common.geometry import invert, transform, yaw_of
 from fusion_net.common.random import stream
 from fusion_net.data.datamodule import NuScenesDataset
@@ -86,7 +86,7 @@ def test_a_channel_or_a_modality_may_be_named():
 
 def test_no_fault_and_a_fault_of_nothing_change_nothing(tree):
     clean = read(tree)
-    for effect in (Stale(firings=0), Clock(), Mismount(), LostPoints(share=0.0), BlockedLens(share=0.0)):
+    for effect in (Stale(firings=0), Clock(), Mismount(), LostPoints(fraction=0.0), BlockedLens(fraction=0.0)):
         sensors = {LostPoints: ["lidar", "radar"], BlockedLens: ["camera"]}.get(
             type(effect), ["camera", "lidar", "radar"]
         )
@@ -190,12 +190,12 @@ def test_a_tree_that_does_not_say_has_nuscenes_32_beams(tree):
 
 
 def test_mud_covers_its_share_and_only_the_image(tree):
-    clean, muddy = read(tree), read(tree, Fault(sensors=["CAM_BACK"], effect=BlockedLens(share=0.4)))
+    clean, muddy = read(tree), read(tree, Fault(sensors=["CAM_BACK"], effect=BlockedLens(fraction=0.4)))
     covered = (muddy.images != clean.images).any(axis=-1)
     assert not covered[0].any()
     assert covered[1].mean() == pytest.approx(0.4, abs=0.01)
     np.testing.assert_array_equal(muddy.dense_depth, clean.dense_depth)
-    fitted = read(tree, Fault(sensors=["CAM_BACK"], effect=BlockedLens(share=0.4)), image_size=[16, 40])
+    fitted = read(tree, Fault(sensors=["CAM_BACK"], effect=BlockedLens(fraction=0.4)), image_size=[16, 40])
     assert fitted.images.shape == (2, 16, 40, 3)
 
 
@@ -204,7 +204,7 @@ def test_a_dataset_spoils_the_same_with_and_without_its_cache(tmp_path):
     faults = [
         Fault(sensors=["camera"], effect=Dead(), probability=0.5, per="sample"),
         Fault(sensors=["lidar"], effect=Mismount(rotation_deg=[1, 1, 1], drawn=True), per="sample"),
-        Fault(sensors=["lidar", "radar"], effect=LostPoints(share=0.5)),
+        Fault(sensors=["lidar", "radar"], effect=LostPoints(fraction=0.5)),
     ]
     plain, cached, other = (
         NuScenesDataset(root, "train", grid=GRID, faults=faults, cache=cache, seed=seed)
@@ -252,7 +252,7 @@ def test_a_fault_of_the_command_line_reaches_the_training_samples_and_not_the_va
     root = write_tree(tmp_path, scenes=2, keyframes=1)
     with initialize_config_dir(str(CONFIGS), version_base="1.3"):
         cfg = compose("train", overrides=[f"data.root={root}", "fault=dead_camera", "fault.severity=3"])
-    train, val = (build(cfg.reader[split], "reader") for split in ("train", "val"))
+    train, val = (build(cfg.dataset[split], "dataset") for split in ("train", "val"))
     assert train[0].present.tolist() == [False, True, True]
     assert val[0].present.all()
 
@@ -265,18 +265,81 @@ def test_a_severity_that_is_none_names_those_there_are():
             at_severity(name="lidar_beams", levels=two, severity=severity)
 
 
+def fault(sensor, effect, **more):
+    return Fault(sensors=[sensor], effect=effect, **more)
+
+
+PRESETS = {
+    "blocked_lens": [fault("camera", BlockedLens(fraction=f)) for f in (0.1, 0.3, 0.5)],
+    "camera_clock": [fault("camera", Clock(offset=t)) for t in (0.01, 0.03, 0.1)],
+    "camera_drift": [fault("camera", Clock(drift_ppm=50.0, unsynchronised=t)) for t in (600.0, 1800.0, 3600.0)],
+    "camera_shake": [
+        fault("camera", Mismount(rotation_deg=[a] * 3, drawn=True), per="sample") for a in (0.3, 1.0, 2.0)
+    ],
+    "dead_camera": [fault("camera", Dead(), count=n) for n in (1, 3, None)],
+    "dead_lidar": [fault("lidar", Dead())],
+    "dead_radar": [fault("radar", Dead(), count=n) for n in (1, 3, None)],
+    "dropped_camera": [fault("camera", Dead(), per="sample", probability=p) for p in (0.2, 0.4, 0.6)],
+    "lidar_beams": [fault("lidar", FewerBeams(keep=n)) for n in (16, 8, 4)],
+    "lidar_clock": [fault("lidar", Clock(offset=t)) for t in (0.01, 0.03, 0.1)],
+    "lidar_points": [fault("lidar", LostPoints(fraction=f)) for f in (0.7, 0.8, 0.9)],
+    "lidar_sector": [fault("lidar", LostSector(width_deg=w, spread_deg=40.0)) for w in (30.0, 60.0, 120.0)],
+    "lidar_shake": [fault("lidar", Mismount(rotation_deg=[a] * 3, drawn=True), per="sample") for a in (0.3, 1.0, 2.0)],
+    "none": [None],
+    "radar_clock": [fault("radar", Clock(offset=t)) for t in (0.02, 0.06, 0.2)],
+    **{
+        f"stale_{sensor}": [fault(sensor, Stale(firings=1), per="sample", probability=p) for p in (0.2, 0.4, 0.6)]
+        for sensor in ("camera", "lidar")
+    },
+    **{
+        f"{sensor}_rotation": [fault(sensor, Mismount(rotation_deg=[0.0, 0.0, a])) for a in (0.5, 1.0, 2.0, 3.0)]
+        for sensor in ("camera", "lidar", "radar")
+    },
+    **{
+        f"{sensor}_shift": [fault(sensor, Mismount(translation=[0.0, y, 0.0])) for y in (0.05, 0.1, 0.2)]
+        for sensor in ("camera", "lidar", "radar")
+    },
+}
+
+
+def test_every_preset_is_the_fault_that_the_documentation_says_at_every_severity():
+    assert {path.stem for path in (CONFIGS / "fault").glob("*.yaml")} == set(PRESETS)
+    for name, faults in PRESETS.items():
+        preset = OmegaConf.load(CONFIGS / "fault" / f"{name}.yaml")
+        for severity, expected in enumerate(faults, start=1):
+            found = build({**preset, "severity": severity}, "fault")
+            assert found == ([] if expected is None else [expected]), (name, severity)
+        with pytest.raises(UserError, match=f"'{name}' has"):
+            build({**preset, "severity": len(faults) + 1}, "fault")
+
+
+@pytest.mark.parametrize(
+    ("settings", "answer"),
+    [
+        ({"effect": "LostPoint"}, "unknown effect 'LostPoint'; did you mean 'LostPoints'"),
+        ({"levels": [{"fracton": 0.1}]}, "unknown setting of LostPoints 'fracton'; did you mean 'fraction'"),
+        ({"levels": [{"fraction": 7}]}, "fraction=7 is not within"),
+        ({"sensors": ["camera"]}, "LostPoints cannot act on 'camera'; use lidar or radar"),
+    ],
+)
+def test_a_preset_that_cannot_be_says_what_can(settings, answer):
+    right = {"name": "mine", "sensors": ["lidar"], "effect": "LostPoints", "levels": [{"fraction": 0.5}], "severity": 1}
+    with pytest.raises(ValueError, match=answer):
+        fault_at_severity(**{**right, **settings})
+
+
 @pytest.mark.parametrize(
     ("wrong", "answer"),
     [
         (lambda: FewerBeams(keep=0), "keep=0 is below 1"),
-        (lambda: LostPoints(share=70), r"share=70 is not within \[0, 1\]"),
-        (lambda: BlockedLens(share=-0.1), r"share=-0.1 is not within \[0, 1\]"),
+        (lambda: LostPoints(fraction=70), r"fraction=70 is not within \[0, 1\]"),
+        (lambda: BlockedLens(fraction=-0.1), r"fraction=-0.1 is not within \[0, 1\]"),
         (lambda: LostSector(width_deg=-5), "width_deg=-5 is below 0"),
         (lambda: Stale(firings=-1), "firings=-1 is below 0"),
         (lambda: Mismount(rotation_deg=[1.0]), r"rotation_deg=\[1.0\] is not three numbers"),
         (lambda: Fault(sensors=["camera"], effect=FewerBeams(keep=8)), "FewerBeams cannot act on 'camera'; use lidar"),
         (
-            lambda: Fault(sensors=["CAM_FRONT"], effect=LostPoints(share=0.1)),
+            lambda: Fault(sensors=["CAM_FRONT"], effect=LostPoints(fraction=0.1)),
             "cannot act on 'CAM_FRONT'; use lidar or radar",
         ),
         (lambda: Fault(sensors=["lidra"], effect=Dead()), "Dead cannot act on 'lidra'; use camera or lidar or radar"),

@@ -91,7 +91,7 @@ def test_propagation_brings_a_moving_point_of_any_age_to_where_it_is_at_the_refe
 
 
 def test_a_radar_point_at_20_metres_a_second_moves_one_metre_in_50_ms(own_tree):
-    record = own_tree.firings(TOKEN, "RADAR_FRONT", 0)[0]
+    record = own_tree.keyframe_and_sweeps(TOKEN, "RADAR_FRONT", 0)[0]
     record["timestamp"] = own_tree.reference(TOKEN)["timestamp"] - 50_000
     write_detections(own_tree.path(record), x=[30.0], y=[2.0], vx_comp=[20.0], vy_comp=[0.0])
     x = [
@@ -206,7 +206,7 @@ def test_one_dead_camera_or_radar_leaves_the_modality_present(own_tree):
 
 def test_a_radar_that_sees_nothing_is_present(own_tree):
     for channel in ("RADAR_FRONT", "RADAR_FRONT_LEFT"):
-        for record in own_tree.firings(TOKEN, channel, 9):
+        for record in own_tree.keyframe_and_sweeps(TOKEN, channel, 9):
             write_detections(own_tree.path(record), x=[np.nan])
     sample = SampleReader().read(own_tree, TOKEN)
     assert sample.radar_points.shape == (0, 7)

@@ -10,7 +10,7 @@ from fusion_net.common.bev_grid import BEVGrid
 from fusion_net.common.boxes import Boxes
 from fusion_net.common.geometry import invert, transform, wrap_angle, yaw_of
 from fusion_net.data.batch import Batch
-from fusion_net.evaluation.bootstrap import bootstrap_map, draw_scenes, interval
+from fusion_net.evaluation.bootstrap import bootstrap_map, interval, resample_scenes
 from fusion_net.evaluation.drop_table import SUBSETS, drop_table
 from fusion_net.evaluation.random_guess import random_guess
 from fusion_net.evaluation.scoring import GroundTruth, score
@@ -159,7 +159,7 @@ def test_random_guess_follows_the_seed_and_the_prior(truth):
 
 
 def test_scenes_are_drawn_whole():
-    copies = draw_scenes(np.array(["b", "a", "b", "c"]), resamples=300, rng=np.random.default_rng(0))
+    copies = resample_scenes(np.array(["b", "a", "b", "c"]), resamples=300, rng=np.random.default_rng(0))
     np.testing.assert_array_equal(copies[:, 0], copies[:, 2])
     np.testing.assert_array_equal(copies[:, [0, 1, 3]].sum(1), 3)
     np.testing.assert_allclose(copies.mean(0), 1, atol=0.15)
@@ -169,7 +169,7 @@ def test_bootstrap_spread_is_that_of_the_mean_over_scenes(truth):
     """A detector that finds everything in half of the scenes and nothing in the others: recall is the share of scenes."""
     good = [i for i, scene in enumerate(truth.scenes) if scene <= "scene-0002"]
     table = truth.labels[np.isin(truth.labels.sample, good)]
-    copies = draw_scenes(truth.scenes, resamples=200, rng=np.random.default_rng(0))
+    copies = resample_scenes(truth.scenes, resamples=200, rng=np.random.default_rng(0))
     draws = bootstrap_map(truth.metric, truth.matches(table), copies)
     low, high = interval(draws)
     assert low < 0.25

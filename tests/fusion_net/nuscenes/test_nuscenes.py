@@ -63,11 +63,11 @@ def test_poses_are_those_written(tree):
 
 
 def test_firings_go_back_over_keyframes_and_end_at_the_scene(tree):
-    stamps = [record["timestamp"] for record in tree.firings("scene-0001-1", "RADAR_FRONT", 9)]
+    stamps = [record["timestamp"] for record in tree.keyframe_and_sweeps("scene-0001-1", "RADAR_FRONT", 9)]
     assert (np.diff(stamps) < 0).all()
     assert len(stamps) == 6
-    assert len(tree.firings("scene-0001-1", "RADAR_FRONT", 2)) == 3
-    assert tree.firings("scene-0001-1", "RADAR_BACK", 2) == []
+    assert len(tree.keyframe_and_sweeps("scene-0001-1", "RADAR_FRONT", 2)) == 3
+    assert tree.keyframe_and_sweeps("scene-0001-1", "RADAR_BACK", 2) == []
 
 
 def test_missing_folder_names_the_command(tmp_path):

@@ -12,7 +12,7 @@ from fusion_net.data.cameras import fit_image
 from fusion_net.data.samples import SampleReader
 from fusion_net.evaluate import evaluate_run
 from fusion_net.fit import fit
-from fusion_net.nuscenes.datasets import open_datasets, split_of
+from fusion_net.nuscenes.datasets import open_datasets, samples_of_split
 from fusion_net.nuscenes.nuscenes import NuScenes
 from fusion_net.nuscenes.splits import OFFICIAL, official_splits
 from fusion_net.reports.statistics import write_statistics
@@ -21,7 +21,7 @@ from tests.fixtures.real_tree import SCENES, edit, write_real_tree
 from tests.fixtures.tiny_tree import write_tree
 from tests.fixtures.training_setup import settings
 
-STEPS = ("trainer.camera_steps=1", "trainer.alone_steps=1", "trainer.fusion_steps=2", "trainer.validate_every=4")
+STEPS = ("trainer.camera_steps=1", "trainer.camera_only_steps=1", "trainer.fusion_steps=2", "trainer.validate_every=4")
 
 
 @pytest.fixture(scope="module")
@@ -226,4 +226,4 @@ def test_what_was_not_generated_is_extracted_again(own):
 
 def test_the_same_version_twice_is_the_same_data(own):
     with pytest.raises(ValueError, match=r"hold the same samples, of scene-0061: leave one out$"):
-        split_of(open_datasets([str(own), str(own)]), "train")
+        samples_of_split(open_datasets([str(own), str(own)]), "train")

@@ -5,7 +5,7 @@ import pytest
 
 from fusion_net.common.bev_grid import BEVGrid
 from fusion_net.data.datamodule import NuScenesDataset
-from fusion_net.nuscenes.datasets import open_datasets, split_of
+from fusion_net.nuscenes.datasets import open_datasets, samples_of_split
 from fusion_net.nuscenes.nuscenes import NuScenes
 from tests.fixtures.real_tree import edit
 from tests.fixtures.tiny_tree import write_tree
@@ -39,7 +39,7 @@ def shards(whole, tmp_path):
 
 
 def tokens(root, split):
-    return [token for _, token in split_of(open_datasets(root), split)]
+    return [token for _, token in samples_of_split(open_datasets(root), split)]
 
 
 def test_a_folder_of_shards_and_a_list_of_them_read_as_the_whole(whole, shards, capsys):
@@ -78,7 +78,7 @@ def test_a_half_generated_shard_names_the_command(shards):
 
 def test_the_same_scene_twice_is_refused(whole, shards):
     with pytest.raises(ValueError, match="hold the same samples, of scene-0000: leave one out"):
-        split_of(open_datasets([str(whole), str(shards)]), "train")
+        samples_of_split(open_datasets([str(whole), str(shards)]), "train")
 
 
 def test_several_trees_follow_each_other_and_one_may_lack_the_split(tmp_path):
@@ -86,11 +86,11 @@ def test_several_trees_follow_each_other_and_one_may_lack_the_split(tmp_path):
     other = write_tree(tmp_path / "other", scenes=1, keyframes=2)
     (other / "v1.0-tiny/splits.json").write_text("{}")
     other = NuScenes(other)
-    assert [token for _, token in split_of([one, other], "val")] == one.split("val")
+    assert [token for _, token in samples_of_split([one, other], "val")] == one.split("val")
     with pytest.raises(ValueError, match="hold the same samples"):
-        split_of([one, other], "all")
+        samples_of_split([one, other], "all")
     with pytest.raises(ValueError, match="no split 'val'"):
-        split_of([other], "val")
+        samples_of_split([other], "val")
 
 
 def test_images_that_no_batch_can_hold_are_refused(tmp_path):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fusion_net.common.geometry import transform
-from fusion_net.nuscenes.datasets import open_datasets, split_of
+from fusion_net.nuscenes.datasets import open_datasets, samples_of_split
 from fusion_net.reports.dataset_summary import spread, summarize
 from fusion_net.reports.dataset_survey import survey
 from fusion_net.reports.statistics import write_statistics
@@ -47,7 +47,7 @@ def root(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def found(root):
-    return survey(split_of(open_datasets(str(root)), "all"), files=300)
+    return survey(samples_of_split(open_datasets(str(root)), "all"), files=300)
 
 
 def test_every_box_is_counted_in_its_class_ring_and_condition(found):
@@ -73,13 +73,13 @@ def test_every_box_is_counted_in_its_class_ring_and_condition(found):
 
 
 def test_files_are_opened_in_as_many_keyframes_as_asked_for(root, found):
-    assert len(found.readings) == 6
+    assert len(found.sensor_data) == 6
     assert found.image_size == (80, 48)
-    assert len(survey(split_of(open_datasets(str(root)), "all"), files=2).readings) == 2
-    reading = found.readings[0]
-    assert reading.radar_returns == [61, 61]  # the landmarks and the mover, each unit
-    assert set(reading.rcs.tolist()) == {10.0}
-    assert 40 < reading.brightness < 160
+    assert len(survey(samples_of_split(open_datasets(str(root)), "all"), files=2).sensor_data) == 2
+    sensor_data = found.sensor_data[0]
+    assert sensor_data.radar_returns == [61, 61]  # the landmarks and the mover, each unit
+    assert set(sensor_data.rcs.tolist()) == {10.0}
+    assert 40 < sensor_data.brightness < 160
 
 
 def test_the_page_stands_alone_and_the_figures_are_json(root, tmp_path, capsys):
@@ -90,7 +90,7 @@ def test_the_page_stands_alone_and_the_figures_are_json(root, tmp_path, capsys):
     assert len(sources) > 12
     assert set(sources) == {"data:"}
     assert "http" not in page
-    assert json.loads((tmp_path / "statistics.json").read_text())["readings"]["keyframes"] == 3
+    assert json.loads((tmp_path / "statistics.json").read_text())["sensor_data"]["keyframes"] == 3
 
 
 def test_a_real_tree_that_states_no_condition_has_a_page_too(tmp_path):

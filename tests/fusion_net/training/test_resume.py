@@ -22,7 +22,7 @@ from fusion_net.training.optimizer import MuonAdamW
 from tests.fixtures.training_setup import settings, write_data
 
 STEPS = (
-    "trainer.camera_steps=2", "trainer.alone_steps=1", "trainer.fusion_steps=6", "trainer.batch_size=2",
+    "trainer.camera_steps=2", "trainer.camera_only_steps=1", "trainer.fusion_steps=6", "trainer.batch_size=2",
     "trainer.validate_every=3", "trainer.save_every=4", "modality_dropout=0.5", "trainer.dropout_from=0.2",
 )  # fmt: skip
 """Two epochs of four batches and one more; validated after steps 6 and 9 in two batches, written after 4 and 8."""
@@ -246,6 +246,6 @@ def test_a_finished_run_that_is_resumed_stays_as_it_is(data, tmp_path, monkeypat
 def test_with_loader_processes_too(data, whole, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with Moments(when=("after backward", 4), then=WAYS["SIGTERM"]).watched(), pytest.raises(KeyboardInterrupt):
-        fit(settings(data, "name=a", *STEPS, "trainer.workers=2"))
-    fit(settings(data, "name=a", "resume=true", *STEPS, "trainer.workers=2"))
+        fit(settings(data, "name=a", *STEPS, "dataset.workers=2"))
+    fit(settings(data, "name=a", "resume=true", *STEPS, "dataset.workers=2"))
     assert_same(result(tmp_path / "runs/a"), whole[0])

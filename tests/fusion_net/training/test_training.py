@@ -25,7 +25,7 @@ def data(tmp_path_factory):
 
 @pytest.fixture
 def steps(monkeypatch, tmp_path):
-    """(stage, loss, {name: share of samples that kept it}) of every training step; runs go to a folder of their own."""
+    """(stage, loss, {name: fraction of samples that kept it}) of every training step; runs go to a folder of their own."""
     monkeypatch.chdir(tmp_path)
     seen = []
     step, log = DetectorModule.training_step, DetectorModule.log
@@ -53,7 +53,11 @@ def mean(values):
 def test_the_loss_falls_in_both_stages(data, steps):
     fit(
         settings(
-            data, "trainer.camera_steps=12", "trainer.alone_steps=0", "trainer.fusion_steps=20", "modality_dropout=0.0"
+            data,
+            "trainer.camera_steps=12",
+            "trainer.camera_only_steps=0",
+            "trainer.fusion_steps=20",
+            "modality_dropout=0.0",
         )
     )
     for stage, count in (("camera", 12), ("fusion", 20)):
@@ -67,7 +71,7 @@ def test_modality_dropout_acts_from_its_share_on_and_is_logged(data, steps):
         settings(
             data,
             "trainer.camera_steps=0",
-            "trainer.alone_steps=0",
+            "trainer.camera_only_steps=0",
             "trainer.fusion_steps=20",
             "modality_dropout=1.0",
             "trainer.batch_size=4",
@@ -95,13 +99,13 @@ def test_minutes_end_a_run_with_every_stage_and_a_score(data, steps, tmp_path):
         settings(
             data,
             "trainer.camera_steps=100000",
-            "trainer.alone_steps=100000",
+            "trainer.camera_only_steps=100000",
             "trainer.fusion_steps=100000",
             "trainer.max_minutes=0.03",
         )
     )
     assert time.perf_counter() - began < 20
-    assert {stage for stage, _, _ in steps} == {"camera", "alone", "fusion"}
+    assert {stage for stage, _, _ in steps} == {"camera", "camera_only", "fusion"}
     assert (folder / "checkpoints" / "best.ckpt").exists()
     assert "val/mAP" in (folder / "metrics.csv").read_text()
 
@@ -162,7 +166,7 @@ def test_data_that_cannot_be_used_leaves_no_run_behind(tmp_path, monkeypatch, da
     root = write_data(tmp_path / "tree")
     shutil.copytree(root, tmp_path / "whole")
     damage(root)
-    short = ("trainer.camera_steps=1", "trainer.alone_steps=1", "trainer.fusion_steps=1")
+    short = ("trainer.camera_steps=1", "trainer.camera_only_steps=1", "trainer.fusion_steps=1")
     with pytest.raises((ValueError, OSError)):
         fit(settings(root, *short))
     assert not (tmp_path / "runs").exists()
@@ -196,6 +200,6 @@ def test_a_loader_process_that_dies_ends_the_run_in_one_line(data, steps, monkey
         return step(self, batch, batch_idx)
 
     monkeypatch.setattr(DetectorModule, "training_step", kill)
-    with pytest.raises(ChildProcessError, match=r"loader process died .*; add resume=true.* fewer trainer.workers"):
-        fit(settings(data, "trainer.workers=1", "trainer.fusion_steps=20"))
+    with pytest.raises(ChildProcessError, match=r"loader process died .*; add resume=true.* fewer dataset.workers"):
+        fit(settings(data, "dataset.workers=1", "trainer.fusion_steps=20"))
     assert len(steps) < 12

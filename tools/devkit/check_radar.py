@@ -89,7 +89,7 @@ def _velocity(case: str, pairs: list[tuple[Scan, Seen]]) -> Iterator[Finding]:
     at_rest, moving = [np.zeros(0)], []
     for scan, seen in pairs:
         aside, behind, half = scan.offsets(seen)
-        near = (np.abs(aside) < half + 1) & (behind > FRONT[0]) & (behind < FRONT[1])
+        near = scan.unfolded & (np.abs(aside) < half + 1) & (behind > FRONT[0]) & (behind < FRONT[1])
         if not near.any():
             continue
         bearing = np.clip(scan.bearing[near], *seen.bearing)

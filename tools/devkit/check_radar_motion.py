@@ -23,6 +23,8 @@ OFF_TRAVEL = (0.2, 0.01)
 """Degrees, and share of the speed, by which the car's travel may differ from the path's, with four standard errors more."""
 AHEAD = 10.0
 """Degrees that RADAR_FRONT may look aside."""
+PAIRS, AGREES = 300, 0.3
+"""Pairs of returns that are tried as what stands still; and the m/s off within which another agrees: the bearing's noise."""
 LOPSIDED = 8.0
 """Degrees between the edges of the field of view to the left and to the right: noise at the edge, and a wall on one side."""
 
@@ -112,11 +114,12 @@ def _own_velocity(tree: NuScenes, paths: dict, channel: str, age: str, scans: li
             continue
         own = Quaternion(mount["rotation"]).rotation_matrix[:2, :2].T @ own
         ray = np.stack([np.cos(scan.bearing), np.sin(scan.bearing)])
-        errors.append(np.abs(scan.ground_speed - scan.speed - own @ ray))
+        errors.append(np.abs(scan.ground_speed - scan.speed - own @ ray)[scan.unfolded])
         if np.hypot(*own) > DRIVES:
+            ray = ray[:, scan.unfolded]
             ahead.append(own @ ray)
             across.append(np.array([-own[1], own[0]]) @ ray)
-            doppler.append(-scan.speed)
+            doppler.append(-scan.speed[scan.unfolded])
     case, off = f"{channel}, {age}", np.concatenate(errors)
     what = "radar vx_comp: off vx and the car's own speed, 90 % below"
     limit = OFF_OWN[0] + OFF_OWN[1] / math.sqrt(max(len(off), 1))
@@ -132,15 +135,29 @@ def _own_velocity(tree: NuScenes, paths: dict, channel: str, age: str, scans: li
 
 
 def _robust_fit(rows: np.ndarray, values: np.ndarray) -> tuple[float, float, float]:
-    """The two factors of ``rows`` (N, 2) that give most of ``values`` (N,) (iterated least squares with Cauchy's weights,
-    ever narrower), and the standard error of the second in degrees."""
+    """The two factors of ``rows`` (N, 2) that give most of ``values`` (N,), and the standard error of the second in degrees.
+
+    In dense traffic half of all returns move, and a fit to all of them comes to rest between the road and a lorry. So the
+    factors that most agree with are chosen from those of random pairs, as Kellner does, and refined by least squares.
+    """
     if len(rows) < 3:
         return 1.0, 0.0, 0.0
-    weights, factors, normal = np.ones(len(rows)), np.zeros(2), np.eye(2)
-    for width in (4.0, 2.0, 1.0, 0.5, 0.4, 0.3, 0.3, 0.3):
+    pairs = np.random.default_rng(0).integers(0, len(rows), (PAIRS, 2))
+    (a, b), (c, d) = rows[pairs].transpose(1, 2, 0)
+    first, second = values[pairs].T
+    area = np.where(np.abs(a * d - b * c) > 1e-6, a * d - b * c, np.inf)
+    guesses = np.stack([first * d - second * b, a * second - c * first]) / area
+    factors = guesses[:, _agree(rows @ guesses, values[:, None]).sum(axis=0).argmax()]
+    normal = np.eye(2)
+    for _ in range(5):
+        weights = _agree(rows @ factors, values)
         normal = (rows * weights[:, None]).T @ rows
         factors = np.linalg.lstsq(normal, rows.T @ (weights * values), rcond=None)[0]
-        weights = 1 / (1 + ((values - rows @ factors) / width) ** 2)
     spread = math.sqrt(float(weights @ (values - rows @ factors) ** 2 / weights.sum()))
     sigma = math.degrees(spread * math.sqrt(np.linalg.pinv(normal)[1, 1]))
     return float(factors[0]), float(factors[1]), sigma
+
+
+def _agree(expected: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """How much values agree with what is expected, m/s: Cauchy's weights, from 0 to 1."""
+    return 1 / (1 + ((values - expected) / AGREES) ** 2)

@@ -18,6 +18,8 @@ SEEN, FAR = 5, 45.0
 """LiDAR points from which an object counts as in sight, and metres up to which."""
 FRONT = (-0.4, 1.2)
 """Metres behind the nearest point of a box at which most returns lie: the range's noise is at most 0.2 m."""
+UNAMBIGUOUS, MIRROR = 3, 0x06
+"""ambig_state of a return whose Doppler is not folded, invalid_state of one that the sensor takes for a mirror image."""
 ALL_RADARS, ALL_AGES = "all radars", "all ages"
 KEYFRAME = "keyframe"
 
@@ -36,7 +38,7 @@ class Seen:
 
 @dataclass(frozen=True)
 class Scan:
-    """P returns of one firing, in the sensor's frame: x along the boresight, y left."""
+    """P returns of one firing, in the sensor's frame: x along the boresight, y left; none that it takes for a mirror image."""
 
     channel: str
     age: str  # "keyframe", or how long before its own channel's keyframe
@@ -46,6 +48,7 @@ class Scan:
     speed: np.ndarray  # (P,) m/s along the ray, relative to the sensor: positive recedes
     ground_speed: np.ndarray  # (P,) m/s along the ray, over ground
     rcs: np.ndarray  # (P,) dBsm
+    unfolded: np.ndarray  # (P,) bool: whether the speeds are certain; another fold of the Doppler reports wrong ones on purpose
     objects: list[Seen]
 
     def offsets(self, seen: Seen) -> tuple[np.ndarray, np.ndarray, float]:
@@ -96,15 +99,14 @@ def by_case(scans: list[Scan]) -> Iterator[tuple[str, str, list[Scan]]]:
 
 
 def _scan(tree: NuScenes, sample: dict, channel: str, record: dict, age: str) -> Scan:
-    x, y, _, _, _, rcs, vx, vy, vx_comp, vy_comp = RadarPointCloud.from_file(
-        os.path.join(tree.dataroot, record["filename"])
-    ).points[:10].astype(float)  # fmt: skip
+    cloud = RadarPointCloud.from_file(os.path.join(tree.dataroot, record["filename"])).points.astype(float)
+    x, y, _, _, _, rcs, vx, vy, vx_comp, vy_comp, _, ambig_state = cloud[:12, cloud[14] != MIRROR]
     distance = np.maximum(np.hypot(x, y), 1e-6)
     along = np.stack([x, y]) / distance
     objects = list(_objects(tree, sample, record))
     return Scan(
         channel, age, record, distance, np.arctan2(y, x), np.sum(along * (vx, vy), axis=0),
-        np.sum(along * (vx_comp, vy_comp), axis=0), rcs, objects,
+        np.sum(along * (vx_comp, vy_comp), axis=0), rcs, ambig_state == UNAMBIGUOUS, objects,
     )  # fmt: skip
 
 

@@ -46,7 +46,7 @@ def plumes_at(scene: Scene, t: float) -> Plumes:
     """The plumes of all vehicles but the ego at ``t`` seconds; none on a dry road and where the condition has no spray.
 
     Length 0.4 s x v within 3 .. 15 m; extinction 0.3/m x (film / 1 mm) (v / 25 m/s)^2, more behind large vehicles. The rear
-    tyres are a sixth of the vehicle's length before its end; the plume rises to 2 m behind a car, 3 m behind a lorry.
+    tyres are a sixth of the vehicle's length before its end; the plume rises to 2 m behind a car, 3 m behind a truck.
     """
     film = scene.condition.water_film
     vehicles = []
@@ -91,7 +91,7 @@ def penetrate(
 ) -> tuple[Array, Array]:
     """:func:`optical_depth` (N,), and the distance (N,) at which it reaches ``depth`` (N,) or a scalar, inf where it does not.
 
-    With ``depth`` drawn from an exponential distribution of mean 1 / k, that is the distance of the first event of a process
+    With ``depth`` sampled from an exponential distribution of mean 1 / k, that is the distance of the first event of a process
     that happens with k times the extinction per metre. Plumes are passed in the order of their distance.
     """
     directions = np.ascontiguousarray(directions, np.float32)

@@ -77,7 +77,7 @@ def _foliage(x, y, z, footprint, out):
 
 
 @jit
-def _hoarding(u, v, footprint, rgb, out):
+def _billboard(u, v, footprint, rgb, out):
     """Bold printed panels: colour and white in turn, crossed by dark diagonal stripes."""
     column, row = int(np.floor(u / 0.9)), int(np.floor(v / 0.7))
     stripe = band(u + v, 0.8, 0.0, 0.3, 1.4 * footprint)
@@ -140,7 +140,7 @@ def texture(kind, x, y, z, u, v, footprint, rgb, out, night):
     elif kind == _FOLIAGE:
         gain = _foliage(x, y, z, footprint, out)
     elif kind == _HOARDING:
-        _hoarding(u, v, footprint, rgb, out)
+        _billboard(u, v, footprint, rgb, out)
     elif kind == _METAL:
         gain += 0.10 * octave2(u, 0.15 * v, 0.12, footprint, 61) + 0.06 * octave2(u, v, 0.8, footprint, 62)
     elif kind == _FABRIC:
@@ -159,7 +159,7 @@ def paint(view, rays, pixel, span, hit, surface, ground, yaw, night):
     (N, 3) unit. ``pixel`` rad a pixel, ``span`` the part of a pixel that a ray stands for. ``hit``: body, face, distance,
     local, normal. ``surface``: albedo, texture, specular, emission of all faces. ``ground``: first face that is none,
     rasters of material, cover and tone, origin, resolution, albedo table, texture table. ``yaw`` (A,) of the bodies.
-    Returns (N, 5): linear r, g, b, specular share, emission.
+    Returns (N, 5): linear r, g, b, specular fraction, emission.
     """
     body, face, distance, local, normal = hit
     albedo, kinds, specular, emission = surface

@@ -10,7 +10,7 @@ Array = NDArray[np.float64]
 FULL_FILM = 1.2
 """Millimetres of water under which the texture of asphalt has drowned (LiDAR_snow_sim)."""
 LEAST_BRIGHTNESS = 0.9
-"""Reflectivity of the faintest target, hit squarely at the greatest range in clear air, that is detected half of the time (LISA)."""
+"""Reflectivity of the target that is detected half of the time when hit squarely at the greatest range in clear air (LISA)."""
 WATER_INDEX = 1.328
 """Refractive index of water at 905 nm."""
 

@@ -23,7 +23,8 @@ def _bilinear(raster, x, y):
 @jit
 def _close(material, cover, x, y, width):
     """What lies at (x, y) in pixels of the raster: a mark, the ground under or beside it, and the fraction of
-    ``width`` pixels across the mark's edge that it takes. Edges between other materials are ragged by half a cell instead of running along cells."""
+    ``width`` pixels across the mark's edge that it takes. Edges
+    between other materials are ragged by half a cell instead of running along cells."""
     i, j = int(y - 0.5), int(x - 0.5)
     first = int(material[i, j])
     mark, ground = (first, 0) if IS_MARK[first] else (0, first)

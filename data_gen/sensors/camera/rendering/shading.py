@@ -48,8 +48,8 @@ def shade(at, rays, hit, paint, lit, open_sky, mirror, ground_faces, light, lamp
     """Luminance (N, 3) in cd/m^2 of every hit ``at`` global points (N, 3), written into ``out``; rows without a hit stay.
 
     ``hit``: body, face, distance, local, normal. ``paint`` (N, 5) of ``textures.paint``. ``lit`` (N,) fraction of
-    the sun that arrives, ``open_sky`` (N,) fraction of the sky that the ground sees; ``mirror`` (N, 3) what a wet ground mirrors
-    (never read where it is dry). Lambert: L = albedo E / pi. Mirror: Schlick's rise of the specular fraction towards
+    the sun that arrives, ``open_sky`` (N,) fraction of the sky that the ground sees; ``mirror`` (N, 3) what a wet ground
+    mirrors (never read where it is dry). Lambert: L = albedo E / pi. Mirror: Schlick's rise of the specular fraction towards
     grazing. Haze (Koschmieder): t = exp(-extinction * distance).
     """
     body, face, distance, local, normal = hit

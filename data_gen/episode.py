@@ -56,7 +56,7 @@ def build_episode(
     """The scene called ``name`` on a named layout: all else follows from ``seed``. ``duration`` in seconds; ``view`` is where
     the rig looks: it is filled as densely as a front camera's."""
     recorded = record_layout(layout, seed=seed, duration=duration, traffic=scenario.traffic)
-    weather = condition.draw(stream(seed, "condition"), heading=float(recorded.ego.at(0.0)[1]))
+    weather = condition.sample(stream(seed, "condition"), heading=float(recorded.ego.at(0.0)[1]))
     world = build_world(recorded, seed=seed)
     return Scene(
         name=name,

@@ -38,7 +38,7 @@ from fusion_net.common.random import stream
 @beartype
 @dataclass(frozen=True)
 class DataConfig:
-    """What to generate. ``split_weights`` shares scenes out to splits, evenly along the scene index; ``keyframes`` a scene."""
+    """What to generate: ``keyframes`` per scene. ``split_weights`` distributes scenes over splits, evenly along the index."""
 
     name: str
     root: str
@@ -173,9 +173,9 @@ def _make_all(job: Job, missing: list[int], splits: dict[int, str], workers: int
 def _manifest(job: Job, settings: dict[str, Any], shard: Shard | None, command: str) -> dict[str, Any]:
     content = {key: value for key, value in settings.items() if key not in ("data", "workers", "shard")}
     content |= {name: getattr(job.data, name) for name in ("name", "keyframes", "split_weights")}
-    share = asdict(shard) if shard else None
+    part = asdict(shard) if shard else None
     data = {name: value for name, value in asdict(job.data).items() if name != "root"}
-    return make_manifest(content, data=data, shard=share, command=command)
+    return make_manifest(content, data=data, shard=part, command=command)
 
 
 def _is_finished(record: Path) -> bool:

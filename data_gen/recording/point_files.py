@@ -22,7 +22,7 @@ def write_lidar(path: Path, sweep: LidarSweep) -> None:
 def write_radar(path: Path, scan: RadarScan) -> None:
     """``.pcd`` with nuScenes' 18 fields. An empty scan is one record of NaN, and a byte follows the records, because the
     devkit's loader asserts both. ``.cause.npy`` beside it has what truly caused each detection, a code of
-    ``radar_detection``; ``ambig_state``, ``invalid_state`` and ``pdh0`` are what the sensor thinks."""
+    ``radar.detection``; ``ambig_state``, ``invalid_state`` and ``pdh0`` are what the sensor thinks."""
     count = len(scan.x)
     records = np.zeros(max(count, 1), RADAR_DTYPE)
     if count:

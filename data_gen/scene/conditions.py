@@ -9,6 +9,9 @@ from beartype import beartype
 CLEAR_MOR = 20_000.0
 """Meteorological optical range of clear air in metres."""
 
+KOSCHMIEDER = math.log(20.0)
+"""Extinction times meteorological optical range, which is where 5 % of a contrast are left."""
+
 Number = float | int  # YAML writes 0 for 0.0
 
 DECADES = ("illuminance", "visibility")
@@ -22,8 +25,8 @@ class Condition:
 
     Units: ``rain_rate`` mm/h, ``visibility`` (meteorological optical range, 5 % contrast, of the air with all that floats
     and falls in it) m, ``illuminance`` on the ground lux, sun angles in degrees (azimuth counter-clockwise from global x,
-    elevation above the horizon; negative: set), ``water_film`` mm, ``spray`` whether wheels throw it up, ``dirt`` the share
-    of a camera's lens that dried dirt covers. ``severity`` is the level of the preset it was drawn from, 1 the mildest.
+    elevation above the horizon; negative: set), ``water_film`` mm, ``spray`` whether wheels throw it up, ``dirt`` the fraction
+    of a camera's lens that dried dirt covers. ``severity`` is the level of the preset it was sampled from, 1 the mildest.
     """
 
     name: str = "clear"
@@ -48,7 +51,7 @@ class Condition:
     @property
     def extinction(self) -> float:
         """Extinction coefficient of visible and near-infrared light in 1/m: ln(20) / MOR (Koschmieder)."""
-        return math.log(20.0) / self.visibility
+        return KOSCHMIEDER / self.visibility
 
     @property
     def rain_extinction(self) -> float:
@@ -71,7 +74,7 @@ class Condition:
 class Preset:
     """Conditions of one kind and severity: the [lowest, highest] value of each field of :class:`Condition`, in its units.
 
-    The ``DECADES`` are drawn evenly in their logarithm, the others evenly. With ``sun_ahead`` the sun's azimuth counts from
+    The ``DECADES`` are sampled evenly in their logarithm, the others evenly. With ``sun_ahead`` the sun's azimuth counts from
     the ego's heading: 0 shines into the front camera.
     """
 
@@ -90,14 +93,14 @@ class Preset:
             if len(bounds) != 2 or not bounds[0] <= bounds[1]:
                 raise ValueError(f"condition: {key}={bounds} is not [lowest, highest]")
             if key in DECADES and bounds[0] <= 0:
-                raise ValueError(f"condition: {key}={bounds} must be above 0, as it is drawn on a logarithmic scale")
+                raise ValueError(f"condition: {key}={bounds} must be above 0, as it is sampled on a logarithmic scale")
 
-    def draw(self, name: str, severity: int, heading: float, rng: np.random.Generator) -> Condition:
+    def sample(self, name: str, severity: int, heading: float, rng: np.random.Generator) -> Condition:
         """One condition of this kind, called ``name``. ``heading`` of the ego in radians."""
         values = {}
         for key, (low, high) in self._ranges().items():
-            share = rng.random()
-            values[key] = float(low * (high / low) ** share if key in DECADES else low + (high - low) * share)
+            uniform = rng.random()
+            values[key] = float(low * (high / low) ** uniform if key in DECADES else low + (high - low) * uniform)
         if self.sun_ahead:
             values["sun_azimuth"] = (values["sun_azimuth"] + math.degrees(heading) + 180.0) % 360.0 - 180.0
         return Condition(name=name, severity=severity, spray=self.spray, **values)
@@ -109,9 +112,9 @@ class Preset:
 @beartype
 @dataclass(frozen=True, kw_only=True)
 class ConditionMix:
-    """Presets by name, and the share of scenes that each gets (in proportion to ``weights``).
+    """Presets by name, and the fraction of scenes that each gets (in proportion to ``weights``).
 
-    A preset has one entry a severity, mildest first. ``severity`` chooses it, None draws it evenly; a preset with fewer
+    A preset has one entry a severity, mildest first. ``severity`` chooses it, None samples it evenly; a preset with fewer
     levels gives its worst.
     """
 
@@ -129,11 +132,11 @@ class ConditionMix:
             there = "there is only one" if levels == 1 else f"severities are 1 to {levels}, or null for any"
             raise ValueError(f"condition.severity={self.severity}: {there}")
 
-    def draw(self, rng: np.random.Generator, *, heading: float) -> Condition:
+    def sample(self, rng: np.random.Generator, *, heading: float) -> Condition:
         """The condition of one scene, whose ego starts at ``heading`` (radians, global)."""
         names = sorted(self.weights)
-        shares = np.array([self.weights[name] for name in names])
-        name = names[rng.choice(len(names), p=shares / shares.sum())]
+        weights = np.array([self.weights[name] for name in names])
+        name = names[rng.choice(len(names), p=weights / weights.sum())]
         levels = self.presets[name]
         severity = min(self.severity or int(rng.integers(len(levels))) + 1, len(levels))
-        return levels[severity - 1].draw(name, severity, heading, rng)
+        return levels[severity - 1].sample(name, severity, heading, rng)

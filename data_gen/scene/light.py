@@ -38,7 +38,7 @@ class Light(NamedTuple):
     zenith: NDArray  # cd/m^2
     horizon: NDArray  # cd/m^2; also what haze scatters into a ray
     afterglow: NDArray  # cd/m^2 that a low sun adds to the horizon below it
-    glow: float  # what haze in front of the sun adds, as a share of the horizon
+    glow: float  # what haze in front of the sun adds, as a fraction of the horizon
     clear: float  # 1 under a blue sky, 0 under a closed one
     extinction: float  # 1/m
     layer: float  # optical depth of the haze towards the zenith
@@ -50,7 +50,7 @@ class Light(NamedTuple):
 def light_of(condition: Condition, name: str) -> Light:
     """Sun, sky and lamps of a condition; ``name`` of the scene places the clouds.
 
-    The sun's share is that of a clear sky where the illuminance comes near what a clear sky gives at that elevation
+    The sun gives as much as in a clear sky where the illuminance comes near what a clear sky gives at that elevation
     (square to the rays 100,000 lux exp(-0.2 air mass)), thinned by the haze layer; the sky gives the rest. As the sun sinks
     from 4 to 12 degrees under the horizon, lamps take over what is left of the illuminance.
     """

@@ -4,6 +4,9 @@ import numpy as np
 
 from data_gen.jobs.jit import jit
 
+GOLDEN = 0.618034
+"""Golden ratio: the fractional parts of its multiples are spread evenly, and no two that follow each other are alike."""
+
 
 @jit
 def lattice(i, j, k):
@@ -54,13 +57,13 @@ def octave3(x, y, z, size, footprint, seed):
 
 @jit
 def band(x, period, start, width, footprint):
-    """Share of [x - footprint / 2, x + footprint / 2] inside the bands [start, start + width) of every period: the exact
+    """Fraction of [x - footprint / 2, x + footprint / 2] inside the bands [start, start + width) of every period: the exact
     box filter of a stripe pattern."""
     footprint = max(footprint, 1e-3)
     a, b = (x - start - footprint / 2) / period, (x - start + footprint / 2) / period
-    share = width / period
-    low = np.floor(a) * share + min(a - np.floor(a), share)
-    high = np.floor(b) * share + min(b - np.floor(b), share)
+    duty = width / period
+    low = np.floor(a) * duty + min(a - np.floor(a), duty)
+    high = np.floor(b) * duty + min(b - np.floor(b), duty)
     return (high - low) * period / footprint
 
 

@@ -5,7 +5,7 @@ import numpy as np
 from data_gen.jobs.jit import jit
 
 _BLOCK, _GROUP = 32, 1024
-"""Rays that follow each other and are held against a sphere as one cone: first many, then few."""
+"""Rays that follow each other and are tested against a sphere as one cone: first many, then few."""
 
 
 @jit
@@ -76,7 +76,7 @@ def into_bodies(origins, directions, rays, which, position, cos, sin, each, boun
 def passing(origins, directions, center, radius, max_range):
     """Pairs (sphere, ray), sorted by sphere, of rays that pass a sphere in front of them.
 
-    A block of rays that follow each other, as neighbours in a picture do, is first held against the sphere as one cone, and
+    A block of rays that follow each other, as neighbours in a picture do, is first tested against the sphere as one cone, and
     before it a group of blocks.
     """
     groups, blocks = _cones(origins, directions, _GROUP), _cones(origins, directions, _BLOCK)

@@ -19,6 +19,7 @@ from data_gen.assets.shapes.mesh import Asset, Mesh, Scatterers, Surface
 from data_gen.road.track import Track, TrackBundle
 from data_gen.scene.conditions import Condition
 from data_gen.scene.luminaires import luminaires
+from data_gen.scene.noise import GOLDEN
 from data_gen.scene.ray_kernels import finish, into_bodies, keep_nearer, passing
 from data_gen.world.ground import GroundMap
 from fusion_net.common.geometry import rotate_yaw
@@ -84,7 +85,7 @@ _TREES: dict[int, _Tree] = {}
 
 
 def _tree_of(asset: Asset) -> _Tree:
-    """The tree of an asset, kept as long as the asset lives: scenes share their assets."""
+    """The tree of an asset, kept as long as the asset lives: several scenes may use it."""
     if id(asset) not in _TREES:
         _TREES[id(asset)] = _Tree(*(asset.gait or [asset.mesh]))
         weakref.finalize(asset, _TREES.pop, id(asset), None)
@@ -122,7 +123,7 @@ class Scene:
         self._bounds = np.array([tree.bounds for tree in spheres], np.float32).reshape(-1, 2, 3)
         self._moving = np.array([len(a.track.times) > 1 or a.track.velocity.any() for a in actors], bool)
         self._stride = np.array([actor.asset.stride for actor in actors])
-        self._first_phase = np.array([0.618034 * actor.instance % 1.0 for actor in actors])  # nobody walks in step
+        self._first_phase = np.array([GOLDEN * actor.instance % 1.0 for actor in actors])  # nobody walks in step
         # The last track is the world's own, at rest at the origin, so that body index WORLD (-1) has a pose as well.
         self._tracks = TrackBundle([*(actor.track for actor in actors), Track.static(np.zeros(3), 0.0)])
         meshes = [world, *(asset.mesh for asset in trees.values())]

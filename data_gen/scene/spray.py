@@ -91,7 +91,7 @@ def penetrate(
 ) -> tuple[Array, Array]:
     """:func:`optical_depth` (N,), and the distance (N,) at which it reaches ``depth`` (N,) or a scalar, inf where it does not.
 
-    With ``depth`` drawn from an exponential distribution of mean 1 / k, that is the distance of the first event of a process
+    With ``depth`` sampled from an exponential distribution of mean 1 / k, that is the distance of the first event of a process
     that happens with k times the extinction per metre. Plumes are passed in the order of their distance.
     """
     directions = np.ascontiguousarray(directions, np.float32)

@@ -28,8 +28,8 @@ from fusion_net.common.fault_effects import apply_mask
 
 _SUBPIXEL = np.array([[1, 3], [3, -1], [-1, -3], [-3, 1]]) / 8
 """Offsets from a pixel's centre (right, down) of the extra rays of an edge pixel: a rotated grid."""
-_EDGE_SHARE = 0.07
-"""At most this share of the pixels is looked at closer."""
+_EDGE_FRACTION = 0.07
+"""At most this fraction of the pixels is looked at closer."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ def _trace(renderer: Renderer, camera: Camera) -> tuple[NDArray[np.float32], NDA
     linear = renderer.luminance(rays, hits, lit, open_sky, mirror, 1.0)
     tint = scene.surface.albedo[:, 1][hits.face]
     score = _edges(hits.body.reshape(shape), hits.distance, hits.normal, rays, lit, tint, linear)
-    chosen = _most(score, _EDGE_SHARE)
+    chosen = _most(score, _EDGE_FRACTION)
     rays_e = view.rays((centers[chosen, None] + _SUBPIXEL).reshape(-1, 2))
     hits_e, lit_e = renderer.cast(rays_e)
     sky_e = np.repeat(open_sky[chosen], len(_SUBPIXEL))
@@ -142,7 +142,7 @@ def _cosine(camera: Camera) -> NDArray[np.float32]:
 
 
 def _open_sky(covered: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Share of the sky (H, W) that the ground sees: the mean over neighbours of which leaning rays got out. Away from any
+    """Fraction of the sky (H, W) that the ground sees: the mean over neighbours of which leaning rays got out. Away from any
     ground pixel, 1."""
     ground = np.isfinite(covered).astype(np.float32)
     size = (2 * (covered.shape[1] // 90) + 1, 2 * (covered.shape[1] // 120) + 1)
@@ -151,10 +151,10 @@ def _open_sky(covered: NDArray[np.float32]) -> NDArray[np.float32]:
     return (1 - 0.9 * blocked / np.maximum(total, 1e-3)).astype(np.float32)
 
 
-def _most(score: NDArray[np.float32], share: float) -> NDArray[np.int64]:
-    """Indices of the positive scores (N,), the highest ``share`` of all N at most: what bounds the time of a frame."""
+def _most(score: NDArray[np.float32], fraction: float) -> NDArray[np.int64]:
+    """Indices of the positive scores (N,), the highest ``fraction`` of all N at most: what bounds the time of a frame."""
     chosen = np.flatnonzero(score)
-    limit = int(share * len(score))
+    limit = int(fraction * len(score))
     if len(chosen) <= limit:
         return chosen
     return np.sort(chosen[np.argpartition(-score[chosen], limit)[:limit]])

@@ -9,16 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_gen.jobs.jit import jit
-from data_gen.scene.conditions import Condition
+from data_gen.scene.conditions import KOSCHMIEDER, Condition
 from data_gen.scene.light import Light
 from data_gen.scene.luminaires import Luminaires
 from data_gen.scene.scene import Scene
-from data_gen.sensors.camera.lens import stamp
+from data_gen.sensors.camera.lens import REFERENCE_WIDTH, stamp
 from data_gen.sensors.camera.rendering.lamps import sent
-from data_gen.sensors.camera.rendering.renderer import PinholeView
+from data_gen.sensors.camera.rendering.renderer import MAX_RANGE, PinholeView
 
 CLEAN = 0.2
-"""Share of the eye's veil in a clean lens; a dirty or wet one comes up to 1."""
+"""Fraction of the eye's veil in a clean lens; a dirty or wet one comes up to 1."""
 _COARSE = 4
 """Pixels of the image a cell of the grid on which the veil is worked out."""
 _HAZE = 3_000.0
@@ -30,7 +30,7 @@ _GHOST_LUMINANCE = 0.012
 
 
 def straylight(condition: Condition) -> float:
-    """The lens' veil as a share of the eye's: 0.2 clean, up to 1 dirty or wet."""
+    """The lens' veil as a fraction of the eye's: 0.2 clean, up to 1 dirty or wet."""
     wet = 0.25 if condition.rain_rate > 0 or condition.spray else 0.0
     return min(CLEAN + wet + 8.0 * condition.dirt, 1.0)
 
@@ -45,7 +45,7 @@ def sun_on_lens(scene: Scene, view: PinholeView, light: Light, t: float) -> NDAr
     across /= np.linalg.norm(across) + 1e-9
     rays = light.sun_direction + spread @ [across, np.cross(across, light.sun_direction)]
     rays /= np.linalg.norm(rays, axis=1, keepdims=True)
-    return light.sun * facing * float(1 - scene.occluded(view.origin, rays, t, 400.0).mean())
+    return light.sun * facing * float(1 - scene.occluded(view.origin, rays, t, MAX_RANGE).mean())
 
 
 def veil(
@@ -68,7 +68,7 @@ def veil(
     out = np.zeros((rows * columns, 3), np.float32)
     if sun.any():
         _sun_veil(rays, light.sun_direction, 10 * scatter * sun, out)
-    air = light.extinction if light.extinction > np.log(20) / _HAZE else 0.0
+    air = light.extinction if light.extinction > KOSCHMIEDER / _HAZE else 0.0
     _lamp_veil(rays, ends, view.origin, points, 10 * scatter, air, light.extinction, out)
     fine = cv2.resize(out.reshape(rows, columns, 3), (width, height), interpolation=cv2.INTER_LINEAR)
     return fine.astype(np.float32, copy=False)
@@ -125,7 +125,7 @@ def add_ghosts(linear: NDArray[np.float32], view: PinholeView, light: Light, sun
     fade = 1 - (np.abs(offset) / (0.75 * width)).max()
     if fade <= 0:
         return
-    for share, radius, tint in _GHOSTS:
+    for along, radius, tint in _GHOSTS:
         disc = np.zeros((height, width), np.float32)
-        stamp(disc, (middle + share * offset)[None], np.array([radius * width / 1600]), np.ones(1), 0.3)
+        stamp(disc, (middle + along * offset)[None], np.array([radius * width / REFERENCE_WIDTH]), np.ones(1), 0.3)
         linear += disc[..., None] * (_GHOST_LUMINANCE * fade * sun * tint).astype(np.float32)

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_gen.jobs.jit import jit
+from data_gen.sensors.camera.lens import REFERENCE_WIDTH
 
 APERTURE = 1.4
 FULL_WELL = 10_000.0
@@ -24,9 +25,10 @@ _HIGHLIGHT = (90.0, 1.0)
 _PROTECTION = 0.4
 """At most so far is the exposure lowered for the highlights' sake."""
 _LENS = 0.65
-"""Share q of the light that reaches the sensor (ISO 12232)."""
+"""Fraction q of the light that reaches the sensor (ISO 12232)."""
 _BLOOM = ((2.0, 0.6), (8.0, 0.3), (32.0, 0.1))
-"""Standard deviation in pixels of an image 1,600 wide, and weight, of each Gaussian of the glow around over-range light."""
+"""Standard deviation in pixels of an image REFERENCE_WIDTH wide, and weight, of each Gaussian of the glow around over-range
+light."""
 _OVER = 15.0
 """At most so much over the range glows: what a full pixel still spills."""
 _CURVE_SIZE = 4096
@@ -73,7 +75,7 @@ def bloom(exposed: NDArray[np.float32]) -> NDArray[np.float32]:
     height, width = over.shape[:2]
     glow = exposed - over
     for sigma, weight in _BLOOM:
-        radius = max(sigma * width / 1600, 0.3)
+        radius = max(sigma * width / REFERENCE_WIDTH, 0.3)
         shrink = 4 if radius > 4 else 1  # a wide glow is worked out on a coarse grid
         size = (-(-width // shrink), -(-height // shrink))
         soft = cv2.resize(over, size, interpolation=cv2.INTER_AREA) if shrink > 1 else over

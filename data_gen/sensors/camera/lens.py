@@ -14,13 +14,15 @@ from fusion_net.common.random import stream
 LIFETIME = 6.0
 """Mean seconds that a drop stays on the lens."""
 _WINDOW = 4.0
-"""Drops are drawn by windows of so many seconds, and looked for so many windows back."""
+"""Drops are sampled by windows of so many seconds, and looked for so many windows back."""
 _WINDOWS = 6
+REFERENCE_WIDTH = 1600
+"""Pixels of nuScenes' image width: sizes on the lens and on the sensor are given for it and scale with the image."""
 _RADIUS = (4.0, 30.0)
 _BLOTCH = (18.0, 60.0)
-"""Pixels of an image 1,600 wide."""
+"""Pixels of an image REFERENCE_WIDTH wide."""
 _MINIFIED = 0.3
-"""Size of the picture in a drop, as a share of the picture around it."""
+"""Size of the picture in a drop, as a fraction of the picture around it."""
 _DIRT_OPACITY = (0.35, 0.85)
 
 
@@ -40,7 +42,7 @@ def drops_at(rate: float, t: float, lens_seed: int, *, shape: tuple[int, int]) -
     birth, life, u, v, size, slide, outline = np.concatenate(windows).T
     age = t - birth
     there = (age >= 0) & (age < life)
-    radius = (_RADIUS[0] + (_RADIUS[1] - _RADIUS[0]) * size**2) * width / 1600
+    radius = (_RADIUS[0] + (_RADIUS[1] - _RADIUS[0]) * size**2) * width / REFERENCE_WIDTH
     down = v * height + slide * age * radius
     return np.stack([u * width, down, radius, outline], axis=1)[there]
 
@@ -91,12 +93,12 @@ def _refract(drops, small, image):
 
 
 def dirt_cover(dirt: float, lens_seed: int, *, shape: tuple[int, int]) -> NDArray[np.float32]:
-    """How opaque (H, W) the dirt on the lens is, 0 clean. Blotches far out of focus cover the share ``dirt`` of the image on
+    """How opaque (H, W) the dirt on the lens is, 0 clean. Blotches far out of focus cover the fraction ``dirt`` of the image on
     average: the number of circles that leave exp(-density pi E[r^2]) of the plane bare."""
     height, width = shape
     cover = np.zeros(shape, np.float32)
     rng = stream(lens_seed, "dirt")
-    low, high = (radius * width / 1600 for radius in _BLOTCH)
+    low, high = (radius * width / REFERENCE_WIDTH for radius in _BLOTCH)
     square = (low**2 + low * high + high**2) / 3
     area = (height + 2 * high) * (width + 2 * high)
     count = int(rng.poisson(-np.log1p(-min(dirt, 0.95)) * area / (np.pi * square)))
@@ -114,7 +116,7 @@ def add_dirt(linear: NDArray[np.float32], cover: NDArray[np.float32], sunlight: 
 
 @jit
 def stamp(canvas, place, radius, opacity, softness):
-    """Discs laid over each other on ``canvas`` (H, W): centres (N, 2) as (right, down), ``softness`` the share of the radius
+    """Discs laid over each other on ``canvas`` (H, W): centres (N, 2) as (right, down), ``softness`` the fraction of the radius
     over which they fade out, half of it inside."""
     height, width = canvas.shape
     for k in range(len(radius)):

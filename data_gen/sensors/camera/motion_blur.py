@@ -33,7 +33,7 @@ def motion_blur(
         return linear
     flow = _flow(np.arange(height * width), shutter, *geometry).reshape(height, width, 2)
     out = np.empty_like(linear)
-    _smear(np.ascontiguousarray(linear), flow, out)
+    _blur_along(np.ascontiguousarray(linear), flow, out)
     return out
 
 
@@ -73,7 +73,7 @@ def _flow(pixels, shutter, rays, distance, body, axes, cam_K, motion):
 
 
 @jit
-def _smear(image, flow, out):
+def _blur_along(image, flow, out):
     """Means over taps along the flow, centred on each pixel, between the nearest pixels of the way."""
     height, width, channels = image.shape
     for i in range(height):

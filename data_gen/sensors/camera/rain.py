@@ -7,9 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_gen.jobs.jit import jit
+from data_gen.scene.raindrops import N0, size_slope
 
-DENSITY = 8_000.0
-"""N0 of Marshall and Palmer's law N(D) = N0 exp(-slope D), drops a cubic metre and millimetre."""
 LEAST_WIDTH = 0.2
 """Pixels: a drop of diameter D is drawn up to the depth where it is so wide, f D / LEAST_WIDTH."""
 _FARTHEST = 15.0
@@ -27,8 +26,8 @@ def add_streaks(
     """Draw rain of ``rain_rate`` mm/h over the image (H, W, 3), in place. ``velocity`` (3,) of the camera in m/s and the unit
     vector ``down`` (3,) in the camera frame.
 
-    A drop hides a point for the share diameter / length of its streak, and has the mean light of the surroundings, whatever
-    is behind it (Garg and Nayar, 2007).
+    A drop hides each point of its streak for the fraction diameter / length of the exposure, and has the mean light of the
+    surroundings, whatever is behind it (Garg and Nayar, 2007).
     """
     height, width = linear.shape[:2]
     diameter, at = visible_drops(height, width, cam_K, rain_rate, rng)
@@ -53,11 +52,11 @@ def visible_drops(height, width, cam_K, rain_rate, rng):
 
     Up to the depth f D / LEAST_WIDTH the view holds a volume in proportion to D^3, so those D follow a gamma distribution.
     """
-    slope = 4.1 * rain_rate**-0.21
+    slope = size_slope(rain_rate)
     f = cam_K[0, 0]
     reach = 1e-3 * f / LEAST_WIDTH  # metres a millimetre of diameter
     solid = width * height / f**2
-    expected = DENSITY * solid / 3 * reach**3 * 6 / slope**4
+    expected = N0 * solid / 3 * reach**3 * 6 / slope**4
     count = min(int(rng.poisson(expected)), _MOST)
     diameter = np.minimum(rng.gamma(4.0, 1 / slope, count), 6.0)
     depth = reach * diameter * rng.random(count) ** (1 / 3)

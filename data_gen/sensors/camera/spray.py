@@ -7,10 +7,10 @@ from data_gen.jobs.jit import jit
 from data_gen.scene.light import airlight
 from data_gen.scene.spray import Plumes, penetrate
 from data_gen.sensors.camera.rendering.lamps import LAMP_COLOR, beam_lux
-from data_gen.sensors.camera.rendering.renderer import Renderer
+from data_gen.sensors.camera.rendering.renderer import MAX_RANGE, Renderer
 
 _MIST_ALBEDO = 0.6
-"""Share of the lamplight on a plume that it sends back all around."""
+"""Fraction of the lamplight on a plume that it sends back all around."""
 _SURFACE = 0.4
 """Optical depth at which a plume is taken to be lit."""
 
@@ -24,16 +24,16 @@ def add_spray(
 ) -> None:
     """Draw plumes over the luminance (N, 3) along ``rays`` (N, 3) that end at ``distance`` (N,), in place:
     L exp(-tau) + airlight (1 - exp(-tau))."""
-    tau, stop = penetrate(plumes, renderer.view.origin, rays, np.minimum(distance, 400.0), _SURFACE)
-    seen = np.flatnonzero(tau > 0.01)
+    tau, stop = penetrate(plumes, renderer.view.origin, rays, np.minimum(distance, MAX_RANGE), _SURFACE)
+    visible = np.flatnonzero(tau > 0.01)
     at = np.minimum(np.where(np.isfinite(stop), stop, distance), 60.0)
-    _mix(seen, tau, at, rays, renderer.view.origin, renderer.light, renderer.lamps.beams, linear)
+    _mix(visible, tau, at, rays, renderer.view.origin, renderer.light, renderer.lamps.beams, linear)
 
 
 @jit
-def _mix(seen, tau, at, rays, origin, light, beams, linear):
+def _mix(visible, tau, at, rays, origin, light, beams, linear):
     mist, p = np.empty(3), np.empty(3)
-    for i in seen:
+    for i in visible:
         d = rays[i]
         for c in range(3):
             p[c] = origin[c] + d[c] * at[i]

@@ -14,7 +14,7 @@ MountT = TypeVar("MountT", bound=Mount)
 
 @dataclass(frozen=True, kw_only=True)
 class CaptureEvent(Generic[MountT]):
-    """One measurement of one sensor: when and from where it is made, and what the car believes of both.
+    """One measurement of one sensor: when and from where it is made, and what the car assumes about both.
 
     The car takes the sensor to have measured at ``time`` from where ``mount`` says, and compensates its own motion
     accordingly; in truth it measures at ``true_time`` from ``ego_T_sensor``. Times are seconds of the episode; a LiDAR's is
@@ -36,6 +36,6 @@ class CaptureEvent(Generic[MountT]):
 
     @classmethod
     def nominal(cls, mount: MountT, time: float, rng: np.random.Generator, **others: Any) -> "CaptureEvent[MountT]":
-        """An event as the car believes it to be, but for ``others``, fields by name."""
+        """An event with the nominal clock and mount, but for ``others``, fields by name."""
         values: dict[str, Any] = {"true_time": time, "ego_T_sensor": mount.ego_T_sensor} | others
         return cls(mount=mount, time=time, rng=rng, **values)

@@ -9,6 +9,8 @@ Array = NDArray[np.float64]
 
 FULL_FILM = 1.2
 """Millimetres of water under which the texture of asphalt has drowned (LiDAR_snow_sim)."""
+LEAST_BRIGHTNESS = 0.9
+"""Reflectivity of the target that is detected half of the time when hit squarely at the greatest range in clear air (LISA)."""
 WATER_INDEX = 1.328
 """Refractive index of water at 905 nm."""
 
@@ -45,7 +47,13 @@ def signal_to_noise(brightness: ArrayLike, distance: ArrayLike, *, max_range: fl
 
     ``brightness`` is reflectivity x cos(incidence) x two-way transmission of a target that fills the beam.
     """
-    return np.asarray(brightness) * (max_range / np.asarray(distance)) ** 2 / 0.9
+    return np.asarray(brightness) * (max_range / np.asarray(distance)) ** 2 / LEAST_BRIGHTNESS
+
+
+def calibrated_reflectivity(snr: Array, distance: Array, *, max_range: float) -> Array:
+    """Of a target that fills the beam, in per cent: what a LiDAR takes a return to come from, the inverse of
+    :func:`signal_to_noise`."""
+    return 100 * LEAST_BRIGHTNESS * snr * (distance / max_range) ** 2
 
 
 def detection_probability(snr: ArrayLike) -> Array:

@@ -11,7 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from data_gen.jobs.jit import jit
-from data_gen.sensors.lidar.power import WATER_INDEX
+from data_gen.scene.conditions import KOSCHMIEDER
+from data_gen.scene.raindrops import N0, size_slope
+from data_gen.sensors.lidar.power import LEAST_BRIGHTNESS, WATER_INDEX
 
 Array = NDArray[np.float64]
 
@@ -23,7 +25,7 @@ PULSE = 0.75
 """Metres of air that return light at a time: c / 2 x 5 ns."""
 OVERLAP = 7.5
 """Metres from which the receiver sees the whole beam; nearer it sees a fraction that grows with the square."""
-BACKSCATTER = 0.046 / np.log(20.0)
+BACKSCATTER = 0.046 / KOSCHMIEDER
 """Backscatter over extinction of fog in 1/sr: beta = 0.046 / MOR (Rasshofer 2011, Hahner 2021)."""
 
 RANGES = np.linspace(1.0, 51.0, 201)
@@ -36,13 +38,13 @@ def drop_echoes(power: ArrayLike, distance: ArrayLike, rain_rate: float, diverge
     """Drops per metre of beam at ``distance`` that return more than ``power``: reflectivity / m^2, both broadcast.
     ``divergence`` is the full width of the beam in rad.
 
-    Drops of diameter D number N(D) = 8000 exp(-L D) per m^3 and mm, L = 4.1 R^-0.21 / mm (Marshall and Palmer), and return
+    Drops of diameter D number N(D) as ``raindrops`` says, and return
     DROP (D / beam width)^2 / r^2.
     """
-    shape = 4.1 * rain_rate**-0.21
+    slope = size_slope(rain_rate)
     least = 1e3 * divergence * np.square(distance) * np.sqrt(np.asarray(power) / DROP)  # mm
     section = np.pi / 4 * np.square(divergence * np.asarray(distance))
-    return section * 8000 / shape * np.exp(-shape * least) * (np.asarray(distance) > NEAREST)
+    return section * N0 / slope * np.exp(-slope * least) * (np.asarray(distance) > NEAREST)
 
 
 def fog_power(distance: ArrayLike, mist: float, extinction: float) -> Array:
@@ -59,7 +61,7 @@ def fog_power(distance: ArrayLike, mist: float, extinction: float) -> Array:
 @lru_cache(maxsize=8)
 def echo_table(rain_rate: float, mist: float, extinction: float, max_range: float, divergence: float) -> Array:
     """M at ``LEVELS`` and ``RANGES`` (K, R). The power of one parcel of fog is exponentially distributed (speckle)."""
-    power, middle = LEVELS[:, None] * 0.9 / max_range**2, (RANGES[1:] + RANGES[:-1]) / 2
+    power, middle = LEVELS[:, None] * LEAST_BRIGHTNESS / max_range**2, (RANGES[1:] + RANGES[:-1]) / 2
     density = np.zeros((len(power), len(middle)))
     if rain_rate > 0:
         density += drop_echoes(power * np.exp(2 * extinction * middle), middle, rain_rate, divergence)

@@ -9,7 +9,7 @@ from data_gen.rig.mounts import Lidar
 from data_gen.scene.light import SUN_NORMAL, light_of
 from data_gen.scene.scene import NOTHING, Scene
 from data_gen.scene.spray import penetrate, plumes_at
-from data_gen.sensors.lidar.power import Returns, signal_to_noise, strongest
+from data_gen.sensors.lidar.power import Returns, calibrated_reflectivity, signal_to_noise, strongest
 from data_gen.sensors.lidar.scatter import RANGES, echo_table, sample_echoes
 
 Array = NDArray[np.float64]
@@ -63,7 +63,7 @@ def with_weather(scene: Scene, rays: Rays, surfaces: Returns, *, lidar: Lidar, r
         weather = (condition.rain_rate, condition.mist_extinction, condition.extinction)
         table = echo_table(*weather, max_range, lidar.model.divergence)
         ray, distance, snr = sample_echoes(table, reach, rng)
-        echoes.append(_in_air(ray, distance, snr, 90 * snr * (distance / max_range) ** 2))
+        echoes.append(_in_air(ray, distance, snr, calibrated_reflectivity(snr, distance, max_range=max_range)))
     if lidar.crosstalk > 0:
         echoes.append(_stray(np.full(count, lidar.crosstalk), 3.0, max_range, rng))
     sun = _sunlight(scene, rays)
@@ -97,7 +97,7 @@ def _stray(probability: Array, excess: float, max_range: float, rng: np.random.G
     power above the least detectable, in units of that."""
     ray = np.flatnonzero(rng.random(len(probability)) < probability)
     distance, snr = rng.uniform(RANGES[0], max_range, len(ray)), 1 + rng.exponential(excess, len(ray))
-    return _in_air(ray, distance, snr, 90 * snr * (distance / max_range) ** 2)
+    return _in_air(ray, distance, snr, calibrated_reflectivity(snr, distance, max_range=max_range))
 
 
 def _in_air(ray: NDArray[np.int64], distance: Array, snr: Array, byte: Array) -> Returns:

@@ -19,14 +19,14 @@ THRESHOLD = -np.log(FALSE_ALARM)
 SNR_REF_DB, RCS_REF_DB = 21.1, 10.0
 """A 10 dBsm Swerling-1 target at max_range on the boresight is detected with probability 0.9: SNR = ln Pfa / ln Pd - 1."""
 NEAR = 0.5
-"""Share of max_range within which the power rises no more: the high-pass before the converter takes 40 dB a decade there,
+"""Fraction of max_range within which the power rises no more: the high-pass before the converter takes 40 dB a decade there,
 or the road and the bumper would flood it. The least cross-section that is detected is so the same all over the near range."""
 EDGE_DB = 6.0
 """Two-way loss of the antenna at the edge of its field of view."""
 SEPARABLE = 1.5
 """Resolution cells that two echoes must be apart, in range, azimuth or Doppler, to be two detections (ARS408: 1.5 to 2)."""
 NOISE_FLOOR = np.array([0.05, 0.30, 0.05])
-"""Least standard deviation of range, azimuth and Doppler as a share of the resolution cell, however strong the echo."""
+"""Least standard deviation of range, azimuth and Doppler as a fraction of the resolution cell, however strong the echo."""
 WET_RADOME_DB = 1.09
 """Two-way loss in the film of water on the radome at 1 mm/h. A laminar film thickens with the cube root of the rain rate
 (Gibble): 1.9 dB at 5, 4 dB at 50 mm/h."""
@@ -91,15 +91,15 @@ def detect(echoes: Echoes, radar: Radar, rng: np.random.Generator) -> Echoes:
 
     noise = complex_normal(rng, len(peak))
     power = np.abs(total(amplitude.real) + 1j * total(amplitude.imag) + noise) ** 2
-    share = np.abs(amplitude) ** 2
-    share /= total(share)[cell]
+    weight = np.abs(amplitude) ** 2
+    weight /= total(weight)[cell]
     found = np.flatnonzero(power > THRESHOLD)
     # Folded about each peak first, so that a centroid does not straddle the Doppler limit.
     offset = wrap_angle(echoes.doppler - echoes.doppler[peak][cell], 2 * radar.max_doppler)
     center = (
-        total(share * echoes.range)[found],
-        np.arcsin(np.clip(total(share * np.sin(echoes.azimuth))[found], -1, 1)),
-        (echoes.doppler[peak] + total(share * offset))[found],
+        total(weight * echoes.range)[found],
+        np.arcsin(np.clip(total(weight * np.sin(echoes.azimuth))[found], -1, 1)),
+        (echoes.doppler[peak] + total(weight * offset))[found],
     )
     snr = power[found] - 1
     return _measure(Echoes(*center, snr, echoes.body[peak[found]], echoes.cause[peak[found]]), radar, rng)

@@ -20,11 +20,11 @@ SKIN = 0.5
 """Metres that a reflector may lie behind the surface of its own body."""
 FAINT = 2.0
 """Mean SNR under which a reflection is not followed up: it alone is detected once in a hundred scans."""
-UNDERBODY_SHARE, UNDERBODY_GAIN, UNDERBODY_HEIGHT = 0.2, 0.1, 1.0
-"""Of the reflectors up to this height (m) that a vehicle hides, the share that is reached over the road below its body, and
+UNDERBODY_PROBABILITY, UNDERBODY_GAIN, UNDERBODY_HEIGHT = 0.2, 0.1, 1.0
+"""Of the reflectors up to this height (m) that a vehicle hides, the fraction that is reached over the road below its body, and
 at what power."""
-LOW, MICRO_SHARE, MICRO_MAX = 0.6, 0.1, 0.3
-"""Reflectors on wheels and legs, lower than this (m), spread in Doppler by a share of the speed, at most so many m/s."""
+MICRO_HEIGHT, MICRO_FRACTION, MICRO_MAX = 0.6, 0.1, 0.3
+"""Reflectors on wheels and legs, lower than this (m), spread in Doppler by a fraction of the speed, at most so many m/s."""
 STEP = 1e-3
 """Seconds to either side when a range or position is differentiated."""
 
@@ -41,11 +41,11 @@ def visible_echoes(scene: Scene, events: Sequence[CaptureEvent[Radar]]) -> list[
     times = np.array([event.true_time for event in events])[owner]
     hits = scene.cast(np.array(origins)[owner], directions, times, max(event.mount.max_range for event in events))
     bodies, reflectors = scene.reflectors
-    lucky = np.concatenate([event.rng.random(len(view[0])) for event, view in zip(events, views, strict=True)])
+    uniform = np.concatenate([event.rng.random(len(view[0])) for event, view in zip(events, views, strict=True)])
     hidden = hits.distance < distance - SKIN
     low = (bodies[which] > WORLD) & (reflectors.position[which, 2] < UNDERBODY_HEIGHT)
     passable = _on_wheels(scene)[hits.body] & (hits.body != bodies[which])
-    under = hidden & low & passable & (lucky < UNDERBODY_SHARE)
+    under = hidden & low & passable & (uniform < UNDERBODY_PROBABILITY)
     snr[under] *= UNDERBODY_GAIN
     kept = np.flatnonzero(~hidden | under)
     body, local, owner = bodies[which[kept]], reflectors.position[which[kept]], owner[kept]
@@ -135,7 +135,7 @@ def _doppler(
         place.append(scene.place(body, local, times[owner] + step))
         reach.append(np.linalg.norm(place[-1] - sensor_places(scene, events, step)[owner], axis=1))
     speed = np.linalg.norm(place[1] - place[0], axis=1) / (2 * STEP)
-    spread = np.where(local[:, 2] < LOW, np.minimum(MICRO_SHARE * speed, MICRO_MAX), 0.0)
+    spread = np.where(local[:, 2] < MICRO_HEIGHT, np.minimum(MICRO_FRACTION * speed, MICRO_MAX), 0.0)
     return (reach[1] - reach[0]) / (2 * STEP), spread
 
 

@@ -1,4 +1,4 @@
-"""What a radar says of its own detections: whether it could unfold their Doppler, whether it believes in them. It errs.
+"""What a radar says of its own detections: whether it could unfold their Doppler, how plausible it takes them to be. It errs.
 
 Codes are those of the ARS408, which nuScenes' files have.
 """
@@ -13,11 +13,11 @@ AMBIGUOUS, UNAMBIGUOUS, MAYBE_STATIONARY = 1, 3, 4
 VALID, LOW_RCS, MIRROR = 0x00, 0x04, 0x06
 """invalid_state: valid; valid with a low cross-section; probably a mirror image."""
 RAMP = 18.5
-"""Doppler in m/s that a ramp of 52 us alone tells without folding. Ramps of two lengths take turns; seen in both, a target's
-Doppler is known up to the radar's limit."""
+"""Doppler in m/s that a ramp of 52 us alone tells without folding. Ramps of two lengths take turns; detected in both, a
+target's Doppler is known up to the radar's limit."""
 PLAUSIBLE = 45.0
 """Speed over ground in m/s that a car does not expect anybody to exceed."""
-LOW = -8.0
+LOW_DBSM = -8.0
 """dBsm below which a detection is called one of low cross-section."""
 MIRROR_FOUND, MIRROR_MISTAKEN = 0.5, 0.02
 """Probability that a mirror image, and that anything else, is taken for one (assumed)."""
@@ -25,7 +25,7 @@ SURE_DB = 15.0
 """SNR from which a detection is hardly ever noise."""
 
 
-def seen_in_both_ramps(snr: Array, rng: np.random.Generator) -> NDArray[np.bool_]:
+def detected_in_both_ramps(snr: Array, rng: np.random.Generator) -> NDArray[np.bool_]:
     """Whether a target detected with power ratio ``snr`` (P,) in one ramp is detected in the other as well, in whose noise
     it is no other: it fails half of the time at the threshold and once in 70 times 3 dB above."""
     return np.abs(np.sqrt(snr) + complex_normal(rng, len(snr))) ** 2 > THRESHOLD
@@ -41,7 +41,7 @@ def invalid_state(rcs: Array, cause: NDArray[np.uint8], rng: np.random.Generator
     """Code (P,) by the cross-section in dBsm, and by a guess at which detections are mirror images."""
     is_mirror = np.isin(cause, (SINGLE_BOUNCE, DOUBLE_BOUNCE))
     guess = rng.random(len(cause)) < np.where(is_mirror, MIRROR_FOUND, MIRROR_MISTAKEN)
-    return np.select([guess, rcs < LOW], [MIRROR, LOW_RCS], VALID).astype(np.uint8)
+    return np.select([guess, rcs < LOW_DBSM], [MIRROR, LOW_RCS], VALID).astype(np.uint8)
 
 
 def pdh0(snr_db: Array, both: NDArray[np.bool_], invalid: NDArray[np.uint8]) -> NDArray[np.uint8]:

@@ -1,4 +1,4 @@
-"""Multipath: targets seen a second and third time in the mirrors of a road - guard rails, walls, sides of lorries.
+"""Multipath: targets seen a second and third time in the mirrors of a road - guard rails, walls, sides of trucks.
 
 An upright strip that is smooth to a wave of 4 mm mirrors what lies before it. The path that bounces once, on its way out or
 back, has the mean length of the direct and the mirrored path; the one that bounces both ways shows the mirror image itself.
@@ -101,9 +101,10 @@ def _strength(scene: Scene, events: Sequence[CaptureEvent[Radar]], pairs: Pairs,
     borders = np.searchsorted(pairs.owner, np.arange(len(events) + 1))
     for event, (start, end) in zip(events, pairwise(borders), strict=True):
         part, radar = slice(start, end), event.mount
-        seen = ends[part] @ (scene.ego.pose(event.true_time) @ event.ego_T_sensor)[:3, :3] / distance[part, :, None]
-        angles[part] = np.arcsin(np.clip(seen[..., 1], -1, 1))
-        in_view = (seen[..., 0] > 0) & (np.abs(angles[part]) <= np.radians(radar.fov_deg))
+        global_T_sensor = scene.ego.pose(event.true_time) @ event.ego_T_sensor
+        in_sensor = ends[part] @ global_T_sensor[:3, :3] / distance[part, :, None]
+        angles[part] = np.arcsin(np.clip(in_sensor[..., 1], -1, 1))
+        in_view = (in_sensor[..., 0] > 0) & (np.abs(angles[part]) <= np.radians(radar.fov_deg))
         in_view &= (turned[part] < GRAZING) & (distance[part] < radar.max_range)
         budget = link_budget_db(distance[part], angles[part], radar, scene.condition.rain_rate)
         level[part] = np.where(in_view, budget, -np.inf)

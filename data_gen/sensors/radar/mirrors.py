@@ -1,4 +1,4 @@
-"""The mirrors of a road: guard rails, walls, sides of lorries, and which reflectors a radar could see in them."""
+"""The mirrors of a road: guard rails, walls, sides of trucks, and which reflectors a radar could see in them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,12 +13,12 @@ from data_gen.sensors.common.event import CaptureEvent
 from data_gen.sensors.radar.detection import Array
 from data_gen.sensors.radar.echoes import GRAZING, sensor_places
 
-SHARE = 0.3
+MIRROR_PROBABILITY = 0.3
 """Probability that an actor's mirror paths show in a scan: a surface is smooth and upright in places only."""
 LOSS_DB = ((6.0, 10.0), (10.0, 15.0))
 """Least and greatest loss of a path that bounces once and of one that bounces twice."""
 LONG, TALL = 5.5, 2.2
-"""Least length and height in metres of an actor whose sides are mirrors: lorries, buses, trailers."""
+"""Least length and height in metres of an actor whose sides are mirrors: trucks, buses, trailers."""
 REACH = 0.5
 """Metres to either side of a sideways reflector of the static world that mirror; rails and boards have one every metre."""
 
@@ -71,7 +71,7 @@ def mirrored_pairs(scene: Scene, events: Sequence[CaptureEvent[Radar]], mirror: 
     radius = np.array([np.linalg.norm(actor.asset.size) / 2 for actor in scene.actors])
     rows = []
     for k, (event, sensor) in enumerate(zip(events, sensor_places(scene, events), strict=True)):
-        shown = event.rng.random(len(radius)) < SHARE
+        shown = event.rng.random(len(radius)) < MIRROR_PROBABILITY
         loss = np.stack([event.rng.uniform(*bounds, len(radius)) for bounds in LOSS_DB], axis=1)
         position, yaw = scene.poses(event.true_time)
         which, strip = _mirrored(

@@ -1,7 +1,7 @@
 """A 77 GHz radar that reports detections: the list that a car gets.
 
-Reflections come from ``echoes``, their mirror images from ``radar_ghosts``, what is nothing from
-``radar_clutter``; ``radar_detection`` is the receiver between them and the list.
+Reflections come from ``echoes``, their mirror images from ``ghosts``, what is nothing from
+``clutter``; ``detection`` is the receiver between them and the list.
 """
 
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ from data_gen.sensors.common.event import CaptureEvent
 from data_gen.sensors.radar.clutter import false_detections, spray_echoes
 from data_gen.sensors.radar.detection import Array, Echoes, detect, link_budget_db
 from data_gen.sensors.radar.echoes import sensor_velocity, visible_echoes
-from data_gen.sensors.radar.flags import RAMP, ambig_state, invalid_state, pdh0, seen_in_both_ramps
+from data_gen.sensors.radar.flags import RAMP, ambig_state, detected_in_both_ramps, invalid_state, pdh0
 from data_gen.sensors.radar.ghosts import ghost_echoes
 from fusion_net.common.geometry import wrap_angle
 
@@ -46,10 +46,10 @@ class RadarScan(PointData):
     snr_db: NDArray[np.float32]
     dyn_prop: NDArray[np.uint8]  # nuScenes' code
     body: NDArray[np.int32]  # actor index, WORLD, or NOTHING for ghosts and false detections
-    ambig_state: NDArray[np.uint8]  # codes of ``radar_flags``: whether another fold of the Doppler is plausible
+    ambig_state: NDArray[np.uint8]  # codes of ``flags``: whether another fold of the Doppler is plausible
     invalid_state: NDArray[np.uint8]  # what the sensor suspects: LOW_RCS, MIRROR
     pdh0: NDArray[np.uint8]  # how likely it thinks the detection is nothing
-    cause: NDArray[np.uint8]  # a code of ``radar_detection``: DIRECT, UNDERBODY, SINGLE_BOUNCE, ..., SPRAY
+    cause: NDArray[np.uint8]  # a code of ``detection``: DIRECT, UNDERBODY, SINGLE_BOUNCE, ..., SPRAY
 
     @property
     def points_in_sensor_frame(self) -> NDArray[np.float32]:
@@ -86,7 +86,7 @@ def report(found: Echoes, radar: Radar, own_velocity: Array, rng: np.random.Gene
     of a target too faint for one of the ramps, there are many.
     """
     cos, sin = np.cos(found.azimuth), np.sin(found.azimuth)
-    both = seen_in_both_ramps(found.snr, rng)
+    both = detected_in_both_ramps(found.snr, rng)
     limit = np.where(both, radar.max_doppler, min(RAMP, radar.max_doppler))
     own = cos * own_velocity[0] + sin * own_velocity[1]
     ground = wrap_angle(found.doppler + own, 2 * limit)

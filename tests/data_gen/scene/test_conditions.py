@@ -23,7 +23,7 @@ def test_extinction_leaves_five_per_cent_contrast_at_the_optical_range():
 
 def test_day_is_day_and_night_is_night():
     day, night = load("clear"), load("night")
-    days, nights = ([mix.draw(stream(1, k), heading=0.0) for k in range(50)] for mix in (day, night))
+    days, nights = ([mix.sample(stream(1, k), heading=0.0) for k in range(50)] for mix in (day, night))
     assert not any(c.is_night for c in days)
     assert all(c.is_night and c.sun_elevation < 0 for c in nights)
     assert {c.name for c in days + nights} == {"clear", "night"}
@@ -32,7 +32,7 @@ def test_day_is_day_and_night_is_night():
 
 def test_scenes_differ_in_every_drawn_quantity_and_spread_over_the_range():
     mix = load("clear")
-    draws = [mix.draw(stream(7, k), heading=0.0) for k in range(300)]
+    draws = [mix.sample(stream(7, k), heading=0.0) for k in range(300)]
     for name, low, high in (("sun_azimuth", -180, 180), ("sun_elevation", 25, 70), ("illuminance", 2e4, 1e5)):
         values = np.array([getattr(c, name) for c in draws])
         assert low <= values.min() < low + 0.05 * (high - low)
@@ -43,22 +43,22 @@ def test_scenes_differ_in_every_drawn_quantity_and_spread_over_the_range():
 
 def test_mixture_keeps_its_shares_and_is_deterministic():
     mix = load("day_night", "condition.weights.night=0.7")  # in proportion: 0.7 to 0.7
-    names = [mix.draw(stream(3, k), heading=0.0).name for k in range(400)]
+    names = [mix.sample(stream(3, k), heading=0.0).name for k in range(400)]
     assert np.mean([n == "night" for n in names]) == pytest.approx(0.5, abs=0.07)
-    assert mix.draw(stream(3, 5), heading=0.0) == mix.draw(stream(3, 5), heading=0.0)
+    assert mix.sample(stream(3, 5), heading=0.0) == mix.sample(stream(3, 5), heading=0.0)
     only = load("day_night", "condition.weights.clear=0")
-    assert {only.draw(stream(3, k), heading=0.0).name for k in range(20)} == {"night"}
+    assert {only.sample(stream(3, k), heading=0.0).name for k in range(20)} == {"night"}
 
 
 @pytest.mark.parametrize("name", ["fog", "rain", "spray", "glare", "dusk", "dusk_glare_spray"])
 def test_severity_chooses_the_level_and_null_any(name):
     worst = load(name, "condition.severity=3")
-    assert {worst.draw(stream(2, k), heading=0.0).severity for k in range(20)} == {3}
-    assert {load(name).draw(stream(2, k), heading=0.0).severity for k in range(60)} == {1, 2, 3}
+    assert {worst.sample(stream(2, k), heading=0.0).severity for k in range(20)} == {3}
+    assert {load(name).sample(stream(2, k), heading=0.0).severity for k in range(60)} == {1, 2, 3}
     order = {"fog": "visibility", "rain": "rain_rate", "spray": "water_film"}.get(name, "sun_elevation")
     mean = [
         np.mean(
-            [getattr(load(name, f"condition.severity={s}").draw(stream(4, k), heading=0.0), order) for k in range(20)]
+            [getattr(load(name, f"condition.severity={s}").sample(stream(4, k), heading=0.0), order) for k in range(20)]
         )
         for s in (1, 2, 3)
     ]
@@ -68,7 +68,7 @@ def test_severity_chooses_the_level_and_null_any(name):
 def test_glare_comes_from_where_the_ego_drives_to():
     for heading in (-3.0, 0.4, 2.9):
         for k in range(20):
-            drawn = load("glare", "condition.severity=3").draw(stream(5, k), heading=heading)
+            drawn = load("glare", "condition.severity=3").sample(stream(5, k), heading=heading)
             off = (drawn.sun_azimuth - np.degrees(heading) + 180) % 360 - 180
             assert abs(off) <= 15
             assert -180 <= drawn.sun_azimuth < 180
@@ -76,7 +76,7 @@ def test_glare_comes_from_where_the_ego_drives_to():
 
 def test_a_mixture_takes_one_severity_for_all_that_have_it():
     mix = load("mixed", "condition.severity=2")
-    drawn = [mix.draw(stream(6, k), heading=0.0) for k in range(300)]
+    drawn = [mix.sample(stream(6, k), heading=0.0) for k in range(300)]
     assert {c.severity for c in drawn} == {1, 2}
     assert {c.name for c in drawn if c.severity == 1} == {"clear", "night"}
     assert {c.name for c in drawn} == set(mix.presets)

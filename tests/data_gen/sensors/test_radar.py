@@ -12,7 +12,7 @@ from data_gen.sensors.radar.detection import DIRECT, UNDERBODY, link_budget_db
 from data_gen.sensors.radar.echoes import (
     OBLIQUE_DB,
     UNDERBODY_GAIN,
-    UNDERBODY_SHARE,
+    UNDERBODY_PROBABILITY,
     sensor_velocity,
     visible_echoes,
 )
@@ -160,7 +160,7 @@ def test_walls_hide_and_one_in_five_passes_under_a_car_at_a_tenth_of_the_power()
     assert set(under["cause"]) == {UNDERBODY}
     assert set(free["cause"]) == {DIRECT}
     share = len(under["range"]) / 400  # 0.2, with three standard deviations of 400 coins
-    assert share == pytest.approx(UNDERBODY_SHARE, abs=3 * np.sqrt(0.2 * 0.8 / 400))
+    assert share == pytest.approx(UNDERBODY_PROBABILITY, abs=3 * np.sqrt(0.2 * 0.8 / 400))
     power = [np.mean(10 ** (seen["rcs"] / 10)) for seen in (under, free)]
     spread = 3 * np.sqrt(1 / len(under["rcs"]) + 1 / len(free["rcs"]))  # of the ratio of two exponential means
     assert power[0] / power[1] == pytest.approx(UNDERBODY_GAIN, rel=spread)

@@ -12,7 +12,7 @@ from data_gen.scene.conditions import Condition
 from data_gen.sensors.radar.detection import DIRECT, DOUBLE_BOUNCE, SINGLE_BOUNCE, THRESHOLD, link_budget_db
 from data_gen.sensors.radar.flags import (
     AMBIGUOUS,
-    LOW,
+    LOW_DBSM,
     LOW_RCS,
     MAYBE_STATIONARY,
     MIRROR,
@@ -21,7 +21,7 @@ from data_gen.sensors.radar.flags import (
     RAMP,
     UNAMBIGUOUS,
     VALID,
-    seen_in_both_ramps,
+    detected_in_both_ramps,
 )
 from data_gen.sensors.radar.radar import RCS_LIMITS, RCS_STEP
 from fusion_net.common.random import stream
@@ -66,7 +66,7 @@ def test_cross_sections_come_in_steps_of_half_a_decibel_within_the_limits_of_the
 @pytest.mark.parametrize(("excess_db", "share"), [(0.0, 0.54), (3.0, 0.985), (10.0, 1.0)])
 def test_the_second_ramp_sees_what_the_first_does_unless_it_is_faint(excess_db, share):
     snr = np.full(4000, THRESHOLD * 10 ** (excess_db / 10))
-    assert seen_in_both_ramps(snr, stream(3)).mean() == pytest.approx(share, abs=0.025)
+    assert detected_in_both_ramps(snr, stream(3)).mean() == pytest.approx(share, abs=0.025)
 
 
 def test_a_faint_target_has_an_ambiguous_doppler_and_a_loud_one_has_none():
@@ -118,7 +118,7 @@ def test_a_low_cross_section_is_called_low_and_a_sure_one_surest():
     scans = [scan_of(street(), key=k) for k in range(40)]
     rcs, state, chance = (np.concatenate([getattr(s, n) for s in scans]) for n in ("rcs", "invalid_state", "pdh0"))
     assert set(state) == {VALID, LOW_RCS, MIRROR}
-    assert np.all((state == LOW_RCS) == ((rcs < LOW) & (state != MIRROR)))
+    assert np.all((state == LOW_RCS) == ((rcs < LOW_DBSM) & (state != MIRROR)))
     assert np.all(chance[(rcs > 10) & (state == VALID)] == 1)
     assert chance[state == MIRROR].min() == 4
     assert set(chance) == {1, 2, 3, 4}

@@ -7,7 +7,7 @@ from data_gen.assets.shapes.mesh import Asset
 from data_gen.rig.mounts import Radar
 from data_gen.scene.scene import NOTHING
 from data_gen.sensors.radar.detection import DOUBLE_BOUNCE, SINGLE_BOUNCE
-from data_gen.sensors.radar.mirrors import SHARE
+from data_gen.sensors.radar.mirrors import MIRROR_PROBABILITY
 from data_gen.sensors.radar.radar import STATIONARY
 from tests.fixtures.box_world import ORIGIN, at, box, path, reflectors, scene
 from tests.fixtures.radar_world import point_actor, scan_of, seen_at
@@ -46,7 +46,7 @@ def test_one_bounce_shows_the_mean_range_on_either_side_and_two_show_the_mirror_
     assert np.mean(single["azimuth"][~left]) == pytest.approx(bearing[0], abs=0.006)
     assert np.median(double["range"]) == pytest.approx(mirrored, abs=0.02)
     assert np.mean(double["azimuth"]) == pytest.approx(bearing[1], abs=0.006)
-    assert len(double["range"]) / SCANS == pytest.approx(SHARE, abs=3 * np.sqrt(0.3 * 0.7 / SCANS))
+    assert len(double["range"]) / SCANS == pytest.approx(MIRROR_PROBABILITY, abs=3 * np.sqrt(0.3 * 0.7 / SCANS))
     assert set(single["body"]) | set(double["body"]) == {NOTHING}
 
 

@@ -1,4 +1,4 @@
-"""House fronts as a texture: bays of windows, shops, doors, in a style that each house draws from its own colour."""
+"""House fronts as a texture: bays of windows, shops, doors, in a style that follows from the house's own colour."""
 
 import numpy as np
 
@@ -17,7 +17,7 @@ def _window(u, v, sill, width, height, footprint):
 
 @jit
 def _shop(u, v, footprint, style, out):
-    """Plate glass under a sign of dark blocks on a bright board; an entrance each few bays. Returns the share of glass."""
+    """Plate glass under a sign of dark blocks on a bright board; an entrance each few bays. Returns the fraction of glass."""
     front = band(u, BAY, 0.12, BAY - 0.24, footprint)
     glass = front * band(v, _ONCE, 0.45, 2.0, footprint)
     sign = band(v, _ONCE, 2.6, 0.5, footprint)
@@ -82,9 +82,10 @@ def facade(u, v, footprint, rgb, out, night):
             tint = lattice(style, 8, 11)
             mix(out, max(shutter, 0.0), 0.05 + 0.14 * tint, 0.12 - 0.05 * tint, 0.05)
         mix(out, 0.7 * band(u, BAY, BAY / 2 - 0.03, 0.06, footprint) * glass, pale, pale, pale)
-        drawn = lattice(column, storey, 71)  # how far the blind is down
+        lowered = lattice(column, storey, 71)  # how far the blind is down
         top = sill + height
-        blind = glass * (band(v, STOREY, top - drawn * height, drawn * height, footprint) if drawn > 0.66 else 0.0)
+        down = lowered * height
+        blind = glass * (band(v, STOREY, top - down, down, footprint) if lowered > 0.66 else 0.0)
         blind = min(blind, glass)
     mix(out, glass - blind, 0.025, 0.032, 0.04)
     mix(out, blind, 0.42, 0.40, 0.36)

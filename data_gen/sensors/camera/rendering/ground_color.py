@@ -22,8 +22,9 @@ def _bilinear(raster, x, y):
 
 @jit
 def _close(material, cover, x, y, width):
-    """What lies at (x, y) in pixels of the raster: a mark and its share of ``width`` pixels across its edge, and the ground
-    under or beside it. Edges between other materials are ragged by half a cell instead of running along cells."""
+    """What lies at (x, y) in pixels of the raster: a mark, the ground under or beside it, and the fraction of
+    ``width`` pixels across the mark's edge that it takes. Edges
+    between other materials are ragged by half a cell instead of running along cells."""
     i, j = int(y - 0.5), int(x - 0.5)
     first = int(material[i, j])
     mark, ground = (first, 0) if IS_MARK[first] else (0, first)
@@ -77,7 +78,8 @@ def ground_colors(view, rays, pixel, span, hit, ground_faces, ground, out):
         red = green = blue = 0.0
         for a in range(count_v):
             for b in range(count_u):
-                dv = span * ((a + (b + 0.5) / count_u) / count_v - 0.5)  # sheared: no sub-rays share a row or a column
+                # Sheared: no two sub-rays lie in one row or column.
+                dv = span * ((a + (b + 0.5) / count_u) / count_v - 0.5)
                 du = span * ((b + (a + 0.5) / count_v) / count_u - 0.5)
                 rx = rays[i, 0] / depth + du * view[2, 0] + dv * view[3, 0]
                 ry = rays[i, 1] / depth + du * view[2, 1] + dv * view[3, 1]
@@ -88,13 +90,13 @@ def ground_colors(view, rays, pixel, span, hit, ground_faces, ground, out):
                 s = gap / slope
                 x, y = (view[0, 0] + s * rx - origin[0]) / resolution, (view[0, 1] + s * ry - origin[1]) / resolution
                 used += 1
-                mark, under, share = 0, 0, 0.0
+                mark, under, fraction = 0, 0, 0.0
                 if footprint < _NEAR and 2 <= x < columns - 2 and 2 <= y < rows - 2:
-                    mark, under, share = _close(material, cover, x, y, width)
+                    mark, under, fraction = _close(material, cover, x, y, width)
                 elif 0 <= x < columns and 0 <= y < rows:
                     under = int(material[int(y), int(x)])
-                    share, mark = (1.0, under) if IS_MARK[under] else (0.0, 0)
-                over, below = share * bright, (1 - share) * gain
+                    fraction, mark = (1.0, under) if IS_MARK[under] else (0.0, 0)
+                over, below = fraction * bright, (1 - fraction) * gain
                 red += over * table[mark, 0] + below * table[under, 0]
                 green += over * table[mark, 1] + below * table[under, 1]
                 blue += over * table[mark, 2] + below * table[under, 2]

@@ -174,9 +174,9 @@ def add_street_lux(p, n, lamps, out):
         facing = -(n[0] * dx + n[1] * dy + n[2] * dz) / d
         if facing <= 0:
             continue
-        share = sent(dx / d, dy / d, dz / d, axis[j]) * facing / d2
+        weight = sent(dx / d, dy / d, dz / d, axis[j]) * facing / d2
         for c in range(3):
-            out[c] += flux[j, c] * share
+            out[c] += flux[j, c] * weight
 
 
 @jit

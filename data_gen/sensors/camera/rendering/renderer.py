@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from data_gen.jobs.jit import jit
 from data_gen.scene.light import light_of, sky
 from data_gen.scene.motion import motion_at
+from data_gen.scene.noise import GOLDEN
 from data_gen.scene.scene import WORLD, Hits, Scene
 from data_gen.sensors.camera.rendering import shading, textures, wet_road
 from data_gen.sensors.camera.rendering.lamps import lamps_of
@@ -17,8 +18,8 @@ SHADOW_RANGE = 120.0
 COVER_HEIGHT = 2.2
 """Metres above the ground within which a body keeps the sky's light from it."""
 _TOWN_GLOW = 0.35
-"""Share of a town's light that comes from anywhere, where street lamps give the rest."""
-_GROUND_ALBEDO, _GROUND_KIND, _ = ground_table()
+"""Fraction of a town's light that comes from anywhere, where street lamps give the rest."""
+_MATERIAL_ALBEDO, _MATERIAL_TEXTURE, _ = ground_table()
 
 
 class PinholeView:
@@ -85,7 +86,7 @@ class Renderer:
         covered = np.full(len(rays), np.nan, np.float32)
         asked = np.flatnonzero(self.on_ground(hits)[::2]) * 2
         turn = asked * 2.399963  # golden angle
-        lean = 0.75 * np.sqrt((asked * 0.618034) % 1.0)
+        lean = 0.75 * np.sqrt((asked * GOLDEN) % 1.0)
         towards = np.stack([lean * np.cos(turn), lean * np.sin(turn), np.sqrt(1 - lean**2)], axis=1).astype(np.float32)
         origins = self.lifted(rays, hits, asked)
         covered[asked] = self.scene.occluded(origins, towards, self.t, COVER_HEIGHT)
@@ -108,8 +109,8 @@ class Renderer:
         mirror: NDArray[np.float32],
         span: float,
     ) -> NDArray[np.float32]:
-        """Luminance (N, 3) in cd/m^2 along the rays. ``open_sky`` (N,) share of the sky that the ground sees there; ``mirror``
-        as from ``reflections.mirror_image``; ``span`` the part of a pixel that a ray stands for."""
+        """Luminance (N, 3) in cd/m^2 along the rays. ``open_sky`` (N,) fraction of the sky that the ground sees there;
+        ``mirror`` as from ``reflections.mirror_image``; ``span`` the part of a pixel that a ray stands for."""
         colors = self.paint(rays, hits, span)
         if self.is_wet:
             wet_road.soak(self.scene, hits, np.flatnonzero(self.on_ground(hits)), colors)
@@ -126,7 +127,7 @@ class Renderer:
             np.stack([view.origin, view.forward, view.right, view.down]), rays, view.pixel, span, _fields(hits),
             (surface.albedo, surface.texture, surface.specular, surface.emission),
             (self.scene.ground_faces, ground.material, ground.cover, ground.tone, np.asarray(ground.origin, float),
-             float(ground.resolution), _GROUND_ALBEDO, _GROUND_KIND),
+             float(ground.resolution), _MATERIAL_ALBEDO, _MATERIAL_TEXTURE),
             self.motion.yaw, self.light.night,
         )  # fmt: skip
 

@@ -8,7 +8,8 @@ from data_gen.scene.noise import ramp
 from data_gen.sensors.camera.rendering.lamps import LAMP_COLOR, add_street_lux, beam_lux, sent
 from data_gen.sensors.camera.rendering.wet_road import fresnel, glitter
 
-_GROUND_ALBEDO = 0.13
+_MEAN_GROUND_ALBEDO = 0.13
+"""Of the ground as a whole, for the light that it throws up on what stands on it."""
 _STREET_EMISSION = 20.0
 """Emission from which a face of the static world is a street lamp's."""
 
@@ -23,10 +24,11 @@ def _glow(paint, body, gain):
 
 
 @jit
-def _add_glitter(p, d, share, lit, light, points, out):
-    """Sun and lamps on the ripples of a wet road at ``p``, seen along ``d``, added to ``out`` (3,)."""
+def _add_glitter(p, d, covered, lit, light, points, out):
+    """Sun and lamps on the ripples of a road at ``p`` of which water covers the fraction ``covered``, seen along ``d``,
+    added to ``out`` (3,)."""
     sun = light.sun_direction
-    sparkle = lit * glitter(d, sun[0], sun[1], sun[2], share) if lit > 0 else 0.0
+    sparkle = lit * glitter(d, sun[0], sun[1], sun[2], covered) if lit > 0 else 0.0
     for c in range(3):
         out[c] += light.sun[c] * sparkle
     position, axis, flux = points
@@ -34,7 +36,7 @@ def _add_glitter(p, d, share, lit, light, points, out):
         x, y, z = position[j, 0] - p[0], position[j, 1] - p[1], position[j, 2] - p[2]
         distance = np.sqrt(x * x + y * y + z * z)
         x, y, z = x / distance, y / distance, z / distance
-        sparkle = glitter(d, x, y, z, share)
+        sparkle = glitter(d, x, y, z, covered)
         if sparkle > 0:
             sparkle *= sent(-x, -y, -z, axis[j]) / (distance * distance)
             for c in range(3):
@@ -45,9 +47,9 @@ def _add_glitter(p, d, share, lit, light, points, out):
 def shade(at, rays, hit, paint, lit, open_sky, mirror, ground_faces, light, lamps, out):
     """Luminance (N, 3) in cd/m^2 of every hit ``at`` global points (N, 3), written into ``out``; rows without a hit stay.
 
-    ``hit``: body, face, distance, local, normal. ``paint`` (N, 5) of ``textures.paint``. ``lit`` (N,)
-    share of the sun that arrives, ``open_sky`` (N,) share of the sky that the ground sees; ``mirror`` (N, 3) what a wet ground
-    mirrors (never read where it is dry). Lambert: L = albedo E / pi. Mirror: Schlick's rise of the specular share towards
+    ``hit``: body, face, distance, local, normal. ``paint`` (N, 5) of ``textures.paint``. ``lit`` (N,) fraction of
+    the sun that arrives, ``open_sky`` (N,) fraction of the sky that the ground sees; ``mirror`` (N, 3) what a wet ground
+    mirrors (never read where it is dry). Lambert: L = albedo E / pi. Mirror: Schlick's rise of the specular fraction towards
     grazing. Haze (Koschmieder): t = exp(-extinction * distance).
     """
     body, face, distance, local, normal = hit
@@ -56,8 +58,8 @@ def shade(at, rays, hit, paint, lit, open_sky, mirror, ground_faces, light, lamp
     bounce, level = np.empty(3), np.empty(3)
     for c in range(3):
         level[c] = light.ambient[c] + light.street[c]
-        bounce[c] = _GROUND_ALBEDO * (level[c] + light.sun[c] * max(sun[2], 0.0))
-    air, lux, seen = np.empty(3), np.empty(3), np.empty(3)
+        bounce[c] = _MEAN_GROUND_ALBEDO * (level[c] + light.sun[c] * max(sun[2], 0.0))
+    air, lux, mirrored = np.empty(3), np.empty(3), np.empty(3)
     for i in range(len(rays)):
         if body[i] < -1:
             continue
@@ -72,28 +74,28 @@ def shade(at, rays, hit, paint, lit, open_sky, mirror, ground_faces, light, lamp
             lux[c] = (
                 (level[c] * up + bounce[c] * (1 - up)) * near_floor + light.sun[c] * facing_sun + beam * LAMP_COLOR[c]
             )
-            seen[c] = 0.0
+            mirrored[c] = 0.0
         add_street_lux(p, n, street, lux)
-        share = 0.0
+        specular = 0.0
         if on_ground and paint[i, 3] > 0:
-            share = paint[i, 3] * fresnel(cosine)
+            specular = paint[i, 3] * fresnel(cosine)
             for c in range(3):
-                seen[c] = share * mirror[i, c]
-            _add_glitter(p, d, paint[i, 3], lit[i], light, points, seen)
+                mirrored[c] = specular * mirror[i, c]
+            _add_glitter(p, d, paint[i, 3], lit[i], light, points, mirrored)
         elif paint[i, 3] > 0:
-            share = paint[i, 3] * (0.22 + 0.78 * (1 - min(max(cosine, 0.0), 1.0)) ** 4)
+            specular = paint[i, 3] * (0.22 + 0.78 * (1 - min(max(cosine, 0.0), 1.0)) ** 4)
             rx, ry, rz = d[0] + 2 * cosine * n[0], d[1] + 2 * cosine * n[1], d[2] + 2 * cosine * n[2]
-            gradient(rx, ry, rz, light, seen)
+            gradient(rx, ry, rz, light, mirrored)
             above = ramp(-0.02, 0.16, rz)  # below, the mirror shows what stands around: dark
             toward = rx * sun[0] + ry * sun[1] + rz * sun[2]
             glint = lit[i] * toward**500 * 45.0 if toward > 0.95 else 0.0
             for c in range(3):
                 around = bounce[c] / np.pi * 0.8
-                seen[c] = (seen[c] * above + around * (1 - above)) * near_floor + light.sun[c] / np.pi * glint
-                seen[c] *= share
+                mirrored[c] = (mirrored[c] * above + around * (1 - above)) * near_floor + light.sun[c] / np.pi * glint
+                mirrored[c] *= specular
         glow = _glow(paint[i], body[i], gain)
         t = np.exp(-light.extinction * distance[i])
         airlight(d[0], d[1], d[2], light, air)
         for c in range(3):
-            value = paint[i, c] * (lux[c] / np.pi * (1 - share) + glow) + seen[c]
+            value = paint[i, c] * (lux[c] / np.pi * (1 - specular) + glow) + mirrored[c]
             out[i, c] = value * t + air[c] * (1 - t)

@@ -159,7 +159,7 @@ def paint(view, rays, pixel, span, hit, surface, ground, yaw, night):
     (N, 3) unit. ``pixel`` rad a pixel, ``span`` the part of a pixel that a ray stands for. ``hit``: body, face, distance,
     local, normal. ``surface``: albedo, texture, specular, emission of all faces. ``ground``: first face that is none,
     rasters of material, cover and tone, origin, resolution, albedo table, texture table. ``yaw`` (A,) of the bodies.
-    Returns (N, 5): linear r, g, b, specular share, emission.
+    Returns (N, 5): linear r, g, b, specular fraction, emission.
     """
     body, face, distance, local, normal = hit
     albedo, kinds, specular, emission = surface

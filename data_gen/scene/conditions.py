@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from beartype import beartype
 
+from fusion_net.common.settings import Number
+
 CLEAR_MOR = 20_000.0
 """Meteorological optical range of clear air in metres."""
-
-Number = float | int  # YAML writes 0 for 0.0
 
 DECADES = ("illuminance", "visibility")
 """Quantities that span decades."""

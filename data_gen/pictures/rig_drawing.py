@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from data_gen.rig.mounts import Mount
 from data_gen.rig.rig import Rig
 from data_gen.road.ego import EGO_OUTLINE
+from fusion_net.common import modalities
 
 matplotlib.use("Agg")
 
@@ -30,9 +31,9 @@ class Style(NamedTuple):
 
 
 STYLES = {
-    "camera": Style("#1f77b4", 0.22, "-", 0.72, 0.0, is_field=True),
-    "lidar": Style("#2ca02c", 0.08, ":", None, 0.0, is_field=False),
-    "radar": Style("#e6550d", 0.07, ":", 0.9, 0.15, is_field=True),
+    "camera": Style(modalities.STYLES["camera"].color, 0.22, "-", 0.72, 0.0, is_field=True),
+    "lidar": Style(modalities.STYLES["lidar"].color, 0.08, ":", None, 0.0, is_field=False),
+    "radar": Style(modalities.STYLES["radar"].color, 0.07, ":", 0.9, 0.15, is_field=True),
 }
 CAMERA_REACH = 60.0
 """Metres that a camera's wedge is drawn to."""

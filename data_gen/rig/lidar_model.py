@@ -8,7 +8,8 @@ import numpy as np
 from beartype import beartype
 from numpy.typing import NDArray
 
-Number = float | int  # YAML writes 0 for 0.0
+from fusion_net.common.settings import Number
+
 MOST_BEAMS = 256
 """Rings are written as bytes."""
 

@@ -6,13 +6,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from beartype import beartype
 
+from fusion_net.common.settings import Number
+
 CLEAR_MOR = 20_000.0
 """Meteorological optical range of clear air in metres."""
 
 KOSCHMIEDER = math.log(20.0)
 """Extinction times meteorological optical range, which is where 5 % of a contrast are left."""
-
-Number = float | int  # YAML writes 0 for 0.0
 
 DECADES = ("illuminance", "visibility")
 """Quantities that span decades."""

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from fusion_net.common.geometry import from_rpy
 from fusion_net.common.nuscenes_format import MODALITIES
+from fusion_net.common.settings import Number
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Rng = np.random.Generator
-Number = float | int  # YAML writes 0 for 0.0
 
 MUD = 12
 """Level of 255 of what a blocked lens shows."""
@@ -30,7 +30,7 @@ class Rings(NamedTuple):
 class Effect:
     """What a fault does to a sensor. An effect overrides the hooks that it needs; the others leave all as it is.
 
-    ``rng`` gives what is drawn once for as long as the fault's draw lasts.
+    ``rng`` gives the values that stay the same for as long as the fault is active, ``rng_of_firing`` those of one measurement.
     """
 
     modalities: ClassVar[tuple[str, ...]] = MODALITIES
@@ -78,7 +78,7 @@ class Dead(Effect):
 @beartype
 @dataclass(frozen=True, kw_only=True)
 class Stale(Effect):
-    """The data of an earlier firing come under the stamp of this one: a buffer that was not refilled in time."""
+    """The data of an earlier measurement come under the time stamp of this one: a buffer that was not refilled in time."""
 
     firings: int = 1
 
@@ -115,7 +115,7 @@ class Mismount(Effect):
     """The true mount has moved and the reported one has not: turned by ``rotation_deg`` (roll, pitch, yaw about the ego's
     axes, degrees) about the sensor, and moved by ``translation`` (m along the ego's axes).
 
-    ``drawn``: the six values are standard deviations of normal draws, one each time the fault is drawn.
+    ``drawn``: the six values are standard deviations of normally distributed ones, sampled each time the fault is.
     """
 
     rotation_deg: list[Number] = field(default_factory=lambda: [0.0, 0.0, 0.0])
@@ -164,7 +164,7 @@ class FewerBeams(Effect):
 @dataclass(frozen=True, kw_only=True)
 class LostSector(Effect):
     """No returns from a sector of ``width_deg`` about ``center_deg``, counter-clockwise from straight ahead of the car;
-    the centre is drawn within ``spread_deg`` to either side."""
+    the centre is uniform within ``spread_deg`` to either side."""
 
     modalities: ClassVar[tuple[str, ...]] = ("lidar", "radar")
     width_deg: Number
@@ -193,7 +193,7 @@ class LostPoints(Effect):
         _fraction(fraction=self.fraction)
 
     def kept(self, azimuth: Array, rings: Rings | None, rng: Rng, rng_of_firing: Rng) -> Mask:
-        """Drawn anew each firing."""
+        """Sampled anew for each measurement."""
         return rng_of_firing.random(len(azimuth)) >= self.fraction
 
 

@@ -1,8 +1,9 @@
 """What goes wrong with a car's sensors: one set of definitions for the generator, which renders a faulty car, and for the
-reader, which spoils clean data as it reads them.
+reader, which applies faults to clean data as it reads them.
 
-A :class:`Fault` is an effect, the sensors that it may hit and how often it does. What a channel suffers at one time are
-:class:`SensorFaults`; all draws in it follow from (seed, scene or sample token, channel), so both ways draw alike.
+A :class:`Fault` is an effect, the sensors that it may hit and with what probability. The faults that are active on a channel
+at one time are :class:`SensorFaults`; their random values follow from (seed, scene or sample token, channel), so that
+generator and reader sample the same ones.
 """
 
 from collections.abc import Mapping
@@ -14,20 +15,22 @@ from beartype import beartype
 from numpy.typing import NDArray
 
 from fusion_net.common.checks import check_names
-from fusion_net.common.fault_effects import EFFECTS, Array, Effect, Mask, Number, Rings
+from fusion_net.common.fault_effects import EFFECTS, Array, Effect, Mask, Rings
+from fusion_net.common.modalities import modality_of
 from fusion_net.common.nuscenes_format import MODALITIES
 from fusion_net.common.random import stream
+from fusion_net.common.settings import Number
 
 Key = tuple[int, str, *tuple[str | int, ...]]
-"""Seed, token and more that a draw follows from."""
+"""Seed, token and more that a random stream follows from."""
 
 
 @beartype
 @dataclass(frozen=True, kw_only=True)
 class Fault:
-    """An effect, and what it hits: ``sensors`` are modalities or channels, of which ``count`` drawn ones (None: each).
+    """An effect, and what it hits: ``sensors`` are modalities or channels, of which ``count`` at random (None: each).
 
-    Each of them is hit with ``probability``, drawn once a scene or once a sample, and then for as long.
+    Each of them is hit with ``probability``, sampled once per scene or once per sample, and then for as long.
     """
 
     sensors: list[str]
@@ -53,7 +56,7 @@ class Fault:
         return sorted(c for c, modality in channels.items() if c in self.sensors or modality in self.sensors)
 
     def hits(self, channel: str, channels: Mapping[str, str], key: Key) -> bool:
-        """Whether it hits ``channel`` in the draw that follows from ``key``."""
+        """Whether it hits ``channel`` by the random stream of ``key``."""
         matching = self.matches(channels)
         if channel not in matching:
             return False
@@ -63,15 +66,10 @@ class Fault:
         return channel in matching and stream(*key, channel).random() < self.probability
 
 
-def modality_of(sensor: str) -> str:
-    """The modality that nuScenes' channel name tells; a modality is its own."""
-    return {"CAM": "camera", "LIDAR": "lidar", "RADAR": "radar"}.get(sensor.split("_")[0], sensor)
-
-
 @beartype
 @dataclass(frozen=True)
 class FaultPlan:
-    """The faults of a data set and the seed of their draws."""
+    """The faults of a data set and the seed of their random values."""
 
     faults: list[Fault] = field(default_factory=list)
     seed: int = 0
@@ -88,56 +86,56 @@ class FaultPlan:
                     fault.effect.check_lidar(channel, beams[channel])
 
     def on(self, channel: str, channels: Mapping[str, str], *, scene: str, sample: str) -> "SensorFaults":
-        """What ``channel`` suffers in a sample, given both tokens."""
-        drawn: list[tuple[Effect, Key]] = []
+        """The faults that are active on ``channel`` in a sample, given both tokens."""
+        active: list[tuple[Effect, Key]] = []
         for place, fault in enumerate(self.faults):
             key: Key = (self.seed, scene if fault.per == "scene" else sample, place)
             if fault.hits(channel, channels, key):
-                drawn.append((fault.effect, (*key, channel, "values")))
-        return SensorFaults(tuple(drawn))
+                active.append((fault.effect, (*key, channel, "values")))
+        return SensorFaults(tuple(active))
 
 
 @dataclass(frozen=True)
 class SensorFaults:
-    """Effects on one channel, each with the key of its draws. False where there is none."""
+    """Active effects on one channel, each with the key of its random values. False where there is none."""
 
-    drawn: tuple[tuple[Effect, Key], ...] = ()
+    active: tuple[tuple[Effect, Key], ...] = ()
 
     def __bool__(self) -> bool:
-        return bool(self.drawn)
+        return bool(self.active)
 
     @property
     def dead(self) -> bool:
         """Whether the sensor gives nothing."""
-        return any(effect.kills for effect, _ in self.drawn)
+        return any(effect.kills for effect, _ in self.active)
 
     @property
     def late_firings(self) -> int:
         """How many firings ago the delivered data were taken."""
-        return sum(effect.late_firings() for effect, _ in self.drawn)
+        return sum(effect.late_firings() for effect, _ in self.active)
 
     def clock_error(self, since_start: float) -> float:
         """Reported minus true time, s."""
-        return sum(effect.clock_error(since_start) for effect, _ in self.drawn)
+        return sum(effect.clock_error(since_start) for effect, _ in self.active)
 
     def true_mount(self, ego_T_sensor: Array) -> Array:
         """Where (4, 4) the sensor truly sits."""
-        for effect, key in self.drawn:
+        for effect, key in self.active:
             ego_T_sensor = effect.true_mount(ego_T_sensor, stream(*key))
         return ego_T_sensor
 
     def kept(self, points: NDArray, ego_T_sensor: Array, stamp: int, rings: Rings | None = None) -> Mask:
         """Which points (P, 3) of the sensor's frame are left of the firing reported at ``stamp`` us; ``rings`` of a LiDAR's."""
-        x, y = (points @ ego_T_sensor[:2, :3].T).T if self.drawn else np.zeros((2, len(points)))
+        x, y = (points @ ego_T_sensor[:2, :3].T).T if self.active else np.zeros((2, len(points)))
         azimuth = np.arctan2(y, x)
         kept = np.ones(len(points), bool)
-        for effect, key in self.drawn:
+        for effect, key in self.active:
             kept &= effect.kept(azimuth, rings, stream(*key), stream(*key, stamp))
         return kept
 
     def covered(self, height: int, width: int) -> Mask | None:
         """Which pixels (H, W) something on the lens hides; None: none."""
-        masks = [effect.covered(height, width, stream(*key)) for effect, key in self.drawn]
+        masks = [effect.covered(height, width, stream(*key)) for effect, key in self.active]
         there = [mask for mask in masks if mask is not None]
         return np.logical_or.reduce(there) if there else None
 

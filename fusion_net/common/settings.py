@@ -1,6 +1,9 @@
-"""Two sets of settings compared."""
+"""Values of settings, and two sets of settings compared."""
 
 from typing import Any
+
+Number = float | int
+"""What a setting in metres or seconds may be: YAML writes 0 for 0.0."""
 
 
 def differences(old: Any, new: Any, path: str = "") -> list[str]:

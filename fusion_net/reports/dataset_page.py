@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from fusion_net.common.drawing import label
+from fusion_net.common.modalities import STYLES
 from fusion_net.common.nuscenes_format import CLASSES, MODALITIES
 from fusion_net.reports import dataset_page_objects as objects
 from fusion_net.reports import dataset_page_sensors as sensors
@@ -121,7 +122,10 @@ def _facts(summary: Summary) -> str:
         (f"{summary['objects']:,}", "labelled boxes"),
         (f"{summary['objects_per_keyframe']['mean']:.1f}", "boxes per keyframe"),
         (f"{len({entry['condition'] for entry in summary['conditions']})}", "conditions"),
-        (" + ".join(str(len(channels[name])) for name in MODALITIES), "cameras, LiDARs, radars"),
+        (
+            " + ".join(str(len(channels[name])) for name in MODALITIES),
+            ", ".join(f"{STYLES[name].label}s" for name in MODALITIES),
+        ),
         (_figure(summary["sensor_data"]["lidar_points"]["mean"]), "LiDAR points per sweep"),
         (_figure(summary["sensor_data"]["radar_returns_per_scan"]["mean"]), "radar returns per scan"),
     ]

@@ -6,6 +6,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from fusion_net.common.drawing import label
+from fusion_net.common.modalities import STYLES
 from fusion_net.common.nuscenes_format import CLASSES
 from fusion_net.reports.dataset_page_style import COLOR_OF, FIVE
 from fusion_net.reports.dataset_summary import RANGES, Summary, all_returns
@@ -49,9 +50,12 @@ def condition_effects(axes: Axes, found: Survey, summary: Summary) -> None:
         np.mean([r.contrast for r in found.sensor_data if condition[r.keyframe] == n] or [np.nan]) for n in names
     ]
     kinds = {
-        "contrast of the image": ("#d4a017", np.array(contrast) / max(contrast[base], 1e-9)),
-        "LiDAR points of an object": ("#2f6690", _relative_to(found, found.objects.lidar_points, names, base)),
-        "its radar returns": ("#5b9a6f", _relative_to(found, found.objects.radar_points, names, base)),
+        "contrast of the image": (STYLES["camera"].color, np.array(contrast) / max(contrast[base], 1e-9)),
+        "LiDAR points of an object": (
+            STYLES["lidar"].color,
+            _relative_to(found, found.objects.lidar_points, names, base),
+        ),
+        "its radar returns": (STYLES["radar"].color, _relative_to(found, found.objects.radar_points, names, base)),
     }
     place = np.arange(len(names))
     for i, (text, (color, height)) in enumerate(kinds.items()):
@@ -156,7 +160,7 @@ def rcs(axes: Axes, found: Survey, summary: Summary) -> None:
 def returns(axes: Axes, found: Survey, summary: Summary) -> None:
     """Radar returns of one sensor's scan."""
     counts = np.array([count for each in found.sensor_data for count in each.radar_returns] or [0])
-    axes.hist(counts, bins=np.linspace(0, max(counts.max(), 10), 30).tolist(), color="#5b9a6f", rwidth=0.9)
+    axes.hist(counts, bins=np.linspace(0, max(counts.max(), 10), 30).tolist(), color=STYLES["radar"].color, rwidth=0.9)
     axes.set_xlabel("returns in one scan of one radar")
     axes.set_ylabel("scans")
     axes.grid(axis="x", visible=False)

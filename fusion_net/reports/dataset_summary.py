@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fusion_net.common.modalities import STYLES
 from fusion_net.common.nuscenes_format import CLASSES, MODALITIES, VISIBILITY_LEVELS
 from fusion_net.reports.dataset_survey import Survey
 
@@ -133,10 +134,10 @@ def beside_nuscenes(found: Survey) -> list[list[str]]:
     objects = found.objects
     near_cars = (objects.label == CLASSES.index("car")) & (objects.range < 50) & (objects.radar_points > 0)
     cars = spread(objects.radar_points[near_cars])
-    sensors = ", ".join(f"{len(found.channels[name])} {name}" for name in MODALITIES)
+    sensors = ", ".join(f"{len(found.channels[name])} {STYLES[name].label}" for name in MODALITIES)
     width, height = found.image_size
     return [
-        ["sensors", sensors, "6 camera, 1 lidar, 5 radar", "nuScenes paper"],
+        ["sensors", sensors, "6 camera, 1 LiDAR, 5 radar", "nuScenes paper"],
         ["image", f"{width} x {height}" if width else "none", "1600 x 900", "nuScenes paper"],
         ["LiDAR points per sweep", _pm(sensor_data["lidar_points"], 0), "about 34,000, all round", "nuScenes"],
         ["RCS of radar returns, dBsm", _pm(sensor_data["rcs"], 1), "4.8 ± 7.6", "CRN's normalisation"],

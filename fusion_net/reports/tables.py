@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from fusion_net.common.modalities import STYLES
 from fusion_net.evaluation.drop_table import DropTable
 from fusion_net.evaluation.scoring import FOOTNOTES
 from fusion_net.metrics.matching import TP_ERRORS
 
-LETTERS = {"camera": "C", "lidar": "L", "radar": "R"}
 SHORT = {"construction_vehicle": "constr", "pedestrian": "person", "motorcycle": "motorc", "traffic_cone": "cone"}
 UNITS = {"mATE": "m", "mAOE": "rad", "mAVE": "m/s"}
 NOTES = (
@@ -41,7 +41,7 @@ def write_drop_table(folder: Path, doc: dict[str, Any]) -> None:
 
 def name_of(sensors: Sequence[str]) -> str:
     """C+L+R and so on; "random" for no sensor at all."""
-    return "+".join(LETTERS[name] for name in sensors) or "random"
+    return "+".join(STYLES[name].letter for name in sensors) or "random"
 
 
 def as_text(doc: dict[str, Any]) -> str:

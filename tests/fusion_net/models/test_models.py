@@ -6,7 +6,6 @@ from functools import partial
 import pytest
 import torch
 
-from benchmarks.model_step import load_model, random_batch
 from fusion_net.common.bev_grid import BEVGrid
 from fusion_net.common.nuscenes_format import MODALITIES
 from fusion_net.models.bev_decoder import BEVDecoder
@@ -20,6 +19,7 @@ from fusion_net.models.lidar_encoder import LidarEncoder
 from fusion_net.models.lift_splat import BackwardProjection, LiftSplat
 from fusion_net.models.losses import WEIGHTS, DetectionLoss
 from fusion_net.models.radar_encoder import RASTER_CHANNELS, RadarEncoder, rasterize
+from tests.fixtures.random_batch import load_model, random_batch
 
 GRID = BEVGrid(2.0, 27.6, -9.6, 16.0, 0.8)
 CLASSES = ["car", "pedestrian"]

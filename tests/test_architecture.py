@@ -101,3 +101,18 @@ def test_a_folder_is_small_enough_to_be_taken_in_at_once(folder):
 
 def test_every_folder_is_a_package():
     assert not [path for path in MODULES.values() if not (path.parent / "__init__.py").exists()]
+
+
+TESTS = sorted((ROOT / "tests").rglob("test_*.py"))
+
+
+@pytest.mark.parametrize("path", TESTS, ids=lambda p: p.stem)
+def test_a_test_file_stands_where_its_subject_does_and_needs_no_other_test_file(path):
+    """What several of them use lies in tests/fixtures."""
+    assert (ROOT / path.parent.relative_to(ROOT / "tests")).is_dir()
+    nodes = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+    imported = [alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names]
+    imported += [node.module or "" for node in nodes if isinstance(node, ast.ImportFrom)]
+    assert not [
+        name for name in imported if name.rpartition(".")[2].startswith("test_") or name.startswith("benchmarks")
+    ]

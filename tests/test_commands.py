@@ -353,7 +353,7 @@ def test_a_full_disk_is_one_line_and_keeps_finished_scenes(tmp_path):
     root = tmp_path / "tree"
     code = f"""
 import errno, sys
-from data_gen import writer
+from data_gen.recording import writer
 write, made = writer.write_lidar, []
 def full(path, *rest, **more):
     made.append(path)

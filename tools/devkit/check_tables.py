@@ -33,7 +33,7 @@ def check_tables(tree: NuScenes) -> Iterator[Finding]:
     yield none_of("categories: each is one of nuScenes' own, which have a colour", wrong, len(tree.category))
 
 
-def stamp(tree: NuScenes, table: str, row: dict) -> int:
+def stamp(tree: NuScenes, row: dict) -> int:
     """Microseconds of a record."""
     return row["timestamp"] if "timestamp" in row else tree.get("sample", row["sample_token"])["timestamp"]
 
@@ -42,7 +42,7 @@ def _linked(tree: NuScenes, table: str, row: dict) -> bool:
     if not row["next"]:
         return True
     after = tree.get(table, row["next"])
-    return after["prev"] == row["token"] and stamp(tree, table, after) > stamp(tree, table, row)
+    return after["prev"] == row["token"] and stamp(tree, after) > stamp(tree, row)
 
 
 def _scenes(tree: NuScenes) -> Iterator[Finding]:

@@ -61,7 +61,6 @@ PLATE = Material((0.80, 0.80, 0.76), 0.9)
 HEAD_LAMP = Material((0.92, 0.92, 0.86), 0.5, specular=0.4, emission=30.0)  # 1,000 lm from 0.03 m^2
 TAIL_LAMP = Material((0.62, 0.01, 0.012), 0.5, specular=0.3, emission=2.0)  # 10 cd from 0.015 m^2
 AMBER = Material((0.85, 0.32, 0.01), 0.5, specular=0.3, emission=4.0)
-BLUE_LAMP = Material((0.02, 0.06, 0.75), 0.4, specular=0.3, emission=4.0)
 
 STEEL = Material((0.36, 0.37, 0.38), 0.45, "metal", 0.25)
 DARK_STEEL = Material((0.10, 0.10, 0.11), 0.2, "metal", 0.15)

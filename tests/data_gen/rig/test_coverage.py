@@ -4,13 +4,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from hydra import compose, initialize_config_dir
-from test_rig_checks import camera, lidar, radar, rig
 
 from data_gen.pictures.rig_drawing import draw
 from data_gen.pictures.rig_preview import table
 from data_gen.rig.coverage import FRONT, gaps, sector_covered
 from fusion_net.common.cli.command import CONFIGS, build
 from tests.fixtures.lidar_models import HDL32E, shipped
+from tests.fixtures.small_rig import camera, lidar, radar, rig
 
 
 def from_config(name):

@@ -3,33 +3,9 @@ import re
 
 import pytest
 
-from data_gen.rig.mounts import Camera, Lidar, Radar
-from data_gen.rig.rig import Rig
 from data_gen.road.ego import EGO_OUTLINE
-from tests.fixtures.lidar_models import HDL32E, HDL64E, VLP16
-
-
-def camera(**changes):
-    return Camera(
-        **{"translation": [1.7, 0.1, 1.5], "rate": 30.0, "width": 64, "height": 32, "hfov_deg": 70.0} | changes
-    )
-
-
-def lidar(**changes):
-    return Lidar(**{"model": HDL32E, "translation": [0.9, 0.0, 1.8], "rate": 10.0, "columns": 180} | changes)
-
-
-def radar(**changes):
-    return Radar(**{"translation": [3.4, 0.0, 0.5], "rate": 20.0} | changes)
-
-
-def rig(**changes):
-    parts = {
-        "cameras": {"CAM_FRONT": camera()},
-        "lidars": {"LIDAR_TOP": lidar()},
-        "radars": {"RADAR_FRONT": radar()},
-    }
-    return Rig(**{"name": "mine"} | parts | changes)
+from tests.fixtures.lidar_models import HDL64E, VLP16
+from tests.fixtures.small_rig import camera, lidar, radar, rig
 
 
 def with_camera(**changes):

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from hydra import compose, initialize_config_dir
-from test_rig_checks import camera, lidar, radar
 
 from data_gen.generate import DataConfig, Job, generate
 from data_gen.recording.schedule import keyframe_times
@@ -18,6 +17,7 @@ from fusion_net.data.samples import SampleReader
 from fusion_net.nuscenes.nuscenes import NuScenes
 from tests.fixtures.lidar_models import HDL64E, VLP16, shipped
 from tests.fixtures.scenarios import MIXED
+from tests.fixtures.small_rig import camera, lidar, radar
 
 CLEAR = ConditionMix(
     presets={"clear": [Preset(illuminance=[40_000.0, 80_000.0], sun_elevation=[30.0, 60.0])]}, weights={"clear": 1.0}

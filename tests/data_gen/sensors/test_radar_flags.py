@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from test_radar_ghosts import RADAR as AT_ORIGIN
-from test_radar_ghosts import SCANS, wall_world
 
 from data_gen.recording.point_files import write_radar
 from data_gen.scene.conditions import Condition
@@ -27,6 +25,8 @@ from data_gen.sensors.radar.radar import RCS_LIMITS, RCS_STEP
 from fusion_net.common.random import stream
 from fusion_net.nuscenes.sensor_files import read_radar
 from tests.fixtures.box_world import ORIGIN, at, path, reflectors, scene
+from tests.fixtures.mirror_world import RADAR as AT_ORIGIN
+from tests.fixtures.mirror_world import SCANS, wall_world
 from tests.fixtures.radar_world import RADAR, point_actor, scan_of, seen_at
 
 CLEAR = Condition()

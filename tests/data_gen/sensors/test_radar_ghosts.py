@@ -1,32 +1,16 @@
-"""Mirror paths, held against geometry by hand: a sensor at the origin looking along x, a target, and an upright plane."""
+"""Mirror paths against geometry by hand: a sensor at the origin looking along x, a target, and an upright plane."""
 
 import numpy as np
 import pytest
 
 from data_gen.assets.shapes.mesh import Asset
-from data_gen.rig.mounts import Radar
 from data_gen.scene.scene import NOTHING
 from data_gen.sensors.radar.detection import DOUBLE_BOUNCE, SINGLE_BOUNCE
 from data_gen.sensors.radar.mirrors import MIRROR_PROBABILITY
 from data_gen.sensors.radar.radar import STATIONARY
-from tests.fixtures.box_world import ORIGIN, at, box, path, reflectors, scene
+from tests.fixtures.box_world import ORIGIN, at, box, path, reflectors
+from tests.fixtures.mirror_world import BOUNCE, IMAGE, RADAR, SCANS, TARGET, WALL, wall_world
 from tests.fixtures.radar_world import point_actor, scan_of, seen_at
-
-RADAR = Radar(translation=[0.0, 0.0, 0.8], rate=20.0, range_resolution=0.4, doppler_resolution=0.1)
-TARGET, WALL = np.array([30.0, -2.0, 0.8]), 4.0
-"""The target's reflector, and y of a wall to the left; its image lies at y = 2 * 4 + 2 = 10, the bounce at x = 12."""
-IMAGE = np.array([30.0, 10.0, 0.8])
-BOUNCE = 30.0 * WALL / 10.0
-SCANS = 400
-
-
-def wall_world(*, velocity=(0.0, 0.0, 0.0), ego=None, target=None, walls=None, actors=(), **more):
-    """The target at 0.5 s, and a wall whose faint reflectors, one a metre, say where it mirrors."""
-    start = at(*(TARGET * (1, 1, 0))) - 0.5 * np.asarray(velocity)
-    strip = reflectors([at(x, WALL, 0.8) for x in range(1, 40)], -40.0, (0.0, -1.0, 0.0))
-    walls = [box((40.0, 0.2, 3.0), at(20.0, WALL + 0.1, 1.5))] if walls is None else walls
-    target = (target or point_actor(20.0), path(start, velocity=velocity))
-    return scene(actors=[target, *actors], walls=walls, scatterers=strip, ego=ego, **more)
 
 
 def causes(world, scans=60):

@@ -8,13 +8,6 @@ from fusion_net.common.bev_grid import BEVGrid
 GRID = BEVGrid(x_min=-4.0, x_max=20.0, y_min=-9.0, y_max=3.0, cell=0.5)
 
 
-def test_the_lessons_cell():
-    """12 m ahead and -3 across lands in row 94, column 124 of the 200 x 200 grid."""
-    grid = BEVGrid(x_min=-50.0, x_max=50.0, y_min=-50.0, y_max=50.0, cell=0.5)
-    row, column, inside = grid.rows_columns(torch.tensor([12.0, -3.0]))
-    assert (int(row), int(column), bool(inside)) == (94, 124, True)
-
-
 def test_shape_is_rows_then_columns():
     assert GRID.shape == (24, 48)
     assert GRID.at(1.0).shape == (12, 24)

@@ -5,13 +5,13 @@ from dataclasses import replace
 import pytest
 import torch
 
-from benchmarks.model_step import random_batch
 from fusion_net.common.bev_grid import BEVGrid
 from fusion_net.data.batch import Targets
 from fusion_net.models.center_head import REGRESSIONS
 from fusion_net.models.depth_bins import DepthBins
 from fusion_net.models.losses import WEIGHTS, DetectionLoss, center_nll, depth_loss, focal_loss, masked_l1
 from fusion_net.models.outputs import ImagePredictions, Outputs
+from tests.fixtures.random_batch import random_batch
 
 GRID = BEVGrid(0.0, 16.0, -4.0, 8.0, 1.0)
 BINS = DepthBins(2.0, 58.0, 14, "linear")

@@ -13,7 +13,7 @@ from data_gen.recording.schedule import keyframe_times
 from data_gen.rig.rig import Rig
 from data_gen.scene.conditions import Condition, ConditionMix
 from data_gen.scene.scene import Scene
-from data_gen.sensors.radar.radar import STATIONARY_SPEED, RadarScan
+from data_gen.sensors.radar.radar import STATIONARY_SPEED
 from fusion_net.common.bev_grid import BEVGrid
 from fusion_net.common.boxes import Boxes, transform_boxes
 from fusion_net.common.drawing import BEVPanel, label
@@ -71,7 +71,6 @@ def _radar(captured: list[Captured], rig: Rig, scene: Scene, time: float, boxes:
     GROUND.boxes(ground, boxes, BOX_COLOR)
     global_T_ego = scene.ego.pose(time)
     for event, scan in (pair for pair in captured if pair[0].channel in rig.radars):
-        assert isinstance(scan, RadarScan)
         ego_T_sensor = invert(global_T_ego) @ scene.ego.pose(event.time) @ event.mount.ego_T_sensor
         points = transform(ego_T_sensor, scan.points_in_sensor_frame)
         velocity = np.stack([scan.vx_comp, scan.vy_comp], axis=1) @ ego_T_sensor[:2, :2].T

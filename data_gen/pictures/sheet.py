@@ -15,7 +15,6 @@ from data_gen.rig.mounts import Mount
 from data_gen.rig.rig import Rig
 from data_gen.scene.conditions import ConditionMix
 from data_gen.scene.scene import Scene
-from data_gen.sensors.common.data import SensorData
 from data_gen.sensors.common.event import CaptureEvent
 
 Image = NDArray[np.uint8]
@@ -47,7 +46,7 @@ def short_scene(rig: Rig, layout: str, scenario: Scenario, condition: ConditionM
     )
 
 
-Captured = tuple[CaptureEvent, SensorData]
+Captured = tuple[CaptureEvent, Any]
 """An event and what was measured."""
 
 

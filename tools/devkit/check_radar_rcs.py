@@ -1,6 +1,7 @@
 """Radar cross-sections by radar and age: levels, and which class of object reflects more than which."""
 
 import math
+from collections import defaultdict
 from collections.abc import Iterator
 
 import numpy as np
@@ -18,6 +19,8 @@ STEPS = (("cars", "people", 6.0), ("large vehicles", "cars", 1.0))
 """Which group is stronger than which, by how many dB at least."""
 STANDS_OUT = 2.5
 """dB by which a return of a vehicle's near side is over the median of its scan, at least."""
+OBJECTS = 10
+"""Objects of a group that a median has to rest on."""
 ENCODABLE = (-64.0, 63.5)
 """dBsm that an ARS 408 can write, the radar of nuScenes."""
 LEVEL_OF_ALL = (2.0, 9.0)
@@ -46,17 +49,16 @@ def _by_group(case: str, scans: list[Scan]) -> Iterator[Finding]:
         middle[group] = float(np.median(values))
         error[group] = _error(values, middle[group])
         what, limit = f"radar RCS: of {group}, off {level:g} dBsm", width + 3 * error[group]
-        yield Finding(what, abs(middle[group] - level), "<=", limit, len(strongest[group]), "dB", case, 20)
+        yield Finding(what, abs(middle[group] - level), "<=", limit, len(strongest[group]), "dB", case, OBJECTS)
     for high, low, least in STEPS:
         limit = least - 3 * math.hypot(error[high], error[low])
         count = min(len(strongest[high]), len(strongest[low]))
-        yield Finding(f"radar RCS: {high} over {low}", middle[high] - middle[low], ">=", limit, count, "dB", case, 20)
+        yield Finding(f"radar RCS: {high} over {low}", middle[high] - middle[low], ">=", limit, count, "dB", case, OBJECTS)
 
     middle["over"] = float(np.median(over or [0.0]))
     limit = STANDS_OUT - 3 * _error(np.array(over or [0.0]), middle["over"])
-    yield Finding(
-        "radar RCS: vehicles over the median of their scan", middle["over"], ">=", limit, len(over), "dB", case, 30
-    )
+    what = "radar RCS: vehicles over the median of their scan"
+    yield Finding(what, middle["over"], ">=", limit, len(over), "dB", case, 2 * OBJECTS)
 
 
 def _error(values: np.ndarray, middle: float) -> float:
@@ -66,9 +68,8 @@ def _error(values: np.ndarray, middle: float) -> float:
 
 def _strongest(scans: list[Scan]) -> tuple[dict[str, list[float]], list[float]]:
     """By group, the strongest return of each object that has any, dBsm; and by how many dB the median return of the near side
-    of each vehicle is over the median of its scan."""
-    found: dict[str, list[float]] = {group: [] for group in GROUPS}
-    over = []
+    of each vehicle is over the median of its scan. Both are the median of all scans, so that an object counts once."""
+    strongest, over = {group: defaultdict(list) for group in GROUPS}, defaultdict(list)
     for scan in scans:
         for seen in scan.objects:
             group = next((name for name, kinds in GROUPS.items() if seen.category.startswith(kinds)), None)
@@ -76,7 +77,11 @@ def _strongest(scans: list[Scan]) -> tuple[dict[str, list[float]], list[float]]:
             mine = (np.abs(aside) < half + 1) & (behind > FRONT[0]) & (scan.range < seen.distance[1] + 0.4)
             front = mine & (behind < FRONT[1])
             if group and mine.any():
-                found[group].append(float(scan.rcs[mine].max()))
+                strongest[group][seen.instance].append(scan.rcs[mine].max())
             if group not in (None, "people") and front.any():
-                over.append(float(np.median(scan.rcs[front]) - np.median(scan.rcs)))
-    return found, over
+                over[seen.instance].append(np.median(scan.rcs[front]) - np.median(scan.rcs))
+    return {group: _medians(found) for group, found in strongest.items()}, _medians(over)
+
+
+def _medians(found: dict[str, list[float]]) -> list[float]:
+    return [float(np.median(values)) for values in found.values()]

@@ -78,7 +78,7 @@ def with_fault(mount, effect):
 
 
 def test_faults_cover_the_image_and_leave_what_is_true_of_each_pixel(street):
-    blocked = with_fault(CAMERA, BlockedLens(share=0.5))
+    blocked = with_fault(CAMERA, BlockedLens(fraction=0.5))
     frame = sense(street, blocked)
     left = frame.with_faults(blocked, 0)
     covered = (left.image == MUD).all(axis=-1)
@@ -87,7 +87,7 @@ def test_faults_cover_the_image_and_leave_what_is_true_of_each_pixel(street):
     assert_equal(replace(left, image=frame.image), frame)
 
 
-@pytest.mark.parametrize(("mount", "effect"), [(LIDAR, FewerBeams(keep=8)), (RADAR, LostPoints(share=0.5))])
+@pytest.mark.parametrize(("mount", "effect"), [(LIDAR, FewerBeams(keep=8)), (RADAR, LostPoints(fraction=0.5))])
 def test_faults_take_whole_points_and_no_ray_that_was_counted(street, mount, effect):
     faulty = with_fault(mount, effect)
     data = sense(street, faulty)

@@ -106,7 +106,7 @@ class Stage:
         return distance - self._half[nearest] - 0.1  # the tree's points lie up to 1.5 m apart
 
     def visibility(self, points: ArrayLike) -> Array:
-        """Fraction (...) of the time that points (..., 2) at rest, or (..., T, 2) at ``times``, spend in the view."""
+        """Fraction (...) of the time that points (..., 2) at rest, or (..., T, 2) at ``times``, are in the view."""
         points = np.asarray(points, float)
         delta = points - self._ego if points.ndim == 3 else points[..., None, :] - self._ego
         bearing = np.arctan2(delta[..., 1], delta[..., 0]) - self._ego_yaw - self.view.center

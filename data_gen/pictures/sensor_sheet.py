@@ -19,7 +19,7 @@ from fusion_net.common.drawing import BEVPanel, label
 from fusion_net.common.geometry import invert, transform
 
 GROUND = BEVPanel(BEVGrid(x_min=-2.0, x_max=62.0, y_min=-24.0, y_max=24.0, cell=0.5), scale=5.0)
-BOX, STILL, MOVING = (70, 150, 70), (90, 190, 255), (255, 140, 50)
+BOX_COLOR, STILL_COLOR, MOVING_COLOR = (70, 150, 70), (90, 190, 255), (255, 140, 50)
 CAMERA_WIDTH = 800
 FAR = 15.0
 """Metres from which LiDAR points are few and drawn larger."""
@@ -56,7 +56,7 @@ def _camera(firings: list[Firing], rig: Rig) -> Image:
 
 def _lidar(firings: list[Firing], rig: Rig, boxes: Boxes) -> Image:
     ground = GROUND.canvas()
-    GROUND.boxes(ground, boxes, BOX)
+    GROUND.boxes(ground, boxes, BOX_COLOR)
     for lidar, sweep in zip(rig.lidars.values(), data_of(firings, rig.lidars), strict=True):
         points = transform(lidar.ego_T_sensor, sweep.points)
         level = np.clip(255 * np.sqrt(sweep.intensity / 100), 45, 235).astype(np.uint8)
@@ -69,7 +69,7 @@ def _lidar(firings: list[Firing], rig: Rig, boxes: Boxes) -> Image:
 
 def _radar(firings: list[Firing], rig: Rig, scene: Scene, time: float, boxes: Boxes) -> Image:
     ground = GROUND.canvas()
-    GROUND.boxes(ground, boxes, BOX)
+    GROUND.boxes(ground, boxes, BOX_COLOR)
     global_T_ego = scene.ego.pose(time)
     for firing in (firing for firing in firings if firing.channel in rig.radars):
         scan: Any = firing.data
@@ -77,9 +77,9 @@ def _radar(firings: list[Firing], rig: Rig, scene: Scene, time: float, boxes: Bo
         points = transform(ego_T_sensor, np.stack([scan.x, scan.y, np.zeros_like(scan.x)], axis=1))
         velocity = np.stack([scan.vx_comp, scan.vy_comp], axis=1) @ ego_T_sensor[:2, :2].T
         moving = np.hypot(scan.vx_comp, scan.vy_comp) > FAST
-        GROUND.points(ground, points[~moving], STILL, radius=2)
-        GROUND.points(ground, points[moving], MOVING, radius=2)
-        GROUND.arrows(ground, points[moving, :2], velocity[moving] / 2, MOVING)
+        GROUND.points(ground, points[~moving], STILL_COLOR, radius=2)
+        GROUND.points(ground, points[moving], MOVING_COLOR, radius=2)
+        GROUND.arrows(ground, points[moving, :2], velocity[moving] / 2, MOVING_COLOR)
     return _turned(ground)
 
 

@@ -88,7 +88,7 @@ class Layout:
 def record_layout(name: str, *, seed: int, duration: float, traffic: Traffic) -> Layout:
     """An episode of ``duration`` seconds on a layout of :data:`LAYOUTS`.
 
-    The same seed gives the same episode, whatever was made before. One in which two vehicles touch is drawn again.
+    The same seed gives the same episode, whatever was made before. One in which two vehicles touch is replaced by another.
     """
     check_names("layout", [name], LAYOUTS)
     if not duration > 0:

@@ -109,7 +109,7 @@ def _two_way(rng: Rng) -> RoadNetwork:
 
 
 def _racetrack(rng: Rng) -> RoadNetwork:
-    """One of the three tracks. The oval's size is drawn here: left to itself it is drawn from an unseeded generator."""
+    """One of the three tracks. The oval's size is sampled here: left to itself it would come from an unseeded generator."""
     size: dict[str, Any] = {"length": int(rng.integers(80, 160)), "no_lanes": int(rng.integers(2, 4))}
     track = (racetrack_env.RacetrackEnv, racetrack_env.RacetrackEnvLarge, racetrack_env.RacetrackEnvOval)[
         rng.integers(3)

@@ -115,12 +115,16 @@ class Mismount(Effect):
     """The true mount has moved and the reported one has not: turned by ``rotation_deg`` (roll, pitch, yaw about the ego's
     axes, degrees) about the sensor, and moved by ``translation`` (m along the ego's axes).
 
+<<<<<<< HEAD
     ``drawn``: the six values are standard deviations of normally distributed ones, sampled each time the fault is.
+=======
+    ``random``: the six values are standard deviations of normal distributions, sampled each time the fault is.
+>>>>>>> w/hC
     """
 
     rotation_deg: list[Number] = field(default_factory=lambda: [0.0, 0.0, 0.0])
     translation: list[Number] = field(default_factory=lambda: [0.0, 0.0, 0.0])
-    drawn: bool = False
+    random: bool = False
 
     def __post_init__(self) -> None:
         for name in ("rotation_deg", "translation"):
@@ -129,7 +133,7 @@ class Mismount(Effect):
 
     def true_mount(self, ego_T_sensor: Array, rng: Rng) -> Array:
         """The turned and moved mount."""
-        scale = rng.normal(size=6) if self.drawn else np.ones(6)
+        scale = rng.normal(size=6) if self.random else np.ones(6)
         roll, pitch, yaw = np.radians(self.rotation_deg) * scale[:3]
         true = from_rpy(roll, pitch, yaw) @ ego_T_sensor
         true[:3, 3] = ego_T_sensor[:3, 3] + np.array(self.translation) * scale[3:]

@@ -11,7 +11,7 @@ from fusion_net.data.batch import LIDAR_CHANNELS, RADAR_CHANNELS
 
 Points = NDArray[np.float32]
 
-MOVING = 1.0
+MOVING_SPEED = 1.0
 """Ground speed in m/s above which a radar point is of a moving object."""
 REACH = 2.0
 """Metres in the plane within which a LiDAR point belongs to a radar point: about the half of a car."""
@@ -34,7 +34,7 @@ def propagate_lidar(lidar: Points, radar: Points) -> Points:
     ``radar`` (R, 7) are at the reference time. A LiDAR point goes with the radar point that is nearest to it at its own
     time, within ``REACH``: stays with one at rest, moves with one that moves.
     """
-    moves = np.hypot(*radar[:, VELOCITY].T) > MOVING
+    moves = np.hypot(*radar[:, VELOCITY].T) > MOVING_SPEED
     if not moves.any():
         return lidar
     velocity = np.where(moves[:, None], radar[:, VELOCITY], 0)

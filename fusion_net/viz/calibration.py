@@ -12,7 +12,7 @@ from fusion_net.common.geometry import from_yaw, invert, project, transform
 
 Array = NDArray[np.float64]
 
-MOVING = 0.3
+MOVING_SPEED = 0.3
 """Speed in m/s from which an object's points are moved with it."""
 MARGIN = 0.2
 """Metres around a labelled box within which points belong to it; its foot, where the road's points lie, gets none."""
@@ -33,7 +33,7 @@ def follow(points: ArrayLike, age: ArrayLike, boxes: Boxes, time: float) -> tupl
     points, age = np.array(points, float), np.asarray(age, float)
     moved = np.zeros(len(points), bool)
     speed = np.linalg.norm(np.nan_to_num(boxes.velocity), axis=1)
-    for k in np.flatnonzero(speed > MOVING):
+    for k in np.flatnonzero(speed > MOVING_SPEED):
         shift = np.zeros_like(points)
         shift[:, :2] = age[:, None] * boxes.velocity[k]
         inside = points_in_box(points + shift, boxes.center[k], boxes.wlh[k], float(boxes.yaw[k]), MARGIN)

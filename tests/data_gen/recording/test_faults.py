@@ -270,7 +270,7 @@ def test_a_turned_radar_takes_what_stands_beside_the_road_for_moving_both_ways(m
 
 
 def test_a_shaking_mount_is_drawn_anew_each_sample_and_alike_both_ways(make, clean):
-    shake = Fault(sensors=["lidar"], effect=Mismount(rotation_deg=[0, 0, 1.0], drawn=True), per="sample")
+    shake = Fault(sensors=["lidar"], effect=Mismount(rotation_deg=[0, 0, 1.0], random=True), per="sample")
     tree = make(shake)
     turned = np.degrees(
         [[wall_line(read(*with_, place=k))[0] - wall_line(read(clean, place=k))[0] for k in range(3)]

@@ -145,3 +145,9 @@ def test_bad_input_is_one_clear_line() -> None:
     assert "\n" not in str(error.value)
     with pytest.raises(ValueError, match="duration=0"):
         record_layout("highway", seed=0, duration=0.0, traffic=MIXED.traffic)
+
+
+def test_traffic_too_dense_to_begin_names_the_key_to_lower(monkeypatch):
+    monkeypatch.setattr("data_gen.road.layout._simulate", lambda *_, **__: None)
+    with pytest.raises(ValueError, match=r"seed 3: .* in a row end in a collision; lower scenario.traffic.density=1.0"):
+        record_layout("two_way", seed=3, duration=1.0, traffic=MIXED.traffic)

@@ -203,7 +203,7 @@ def test_a_dataset_spoils_the_same_with_and_without_its_cache(tmp_path):
     root = str(write_tree(tmp_path, scenes=3))
     faults = [
         Fault(sensors=["camera"], effect=Dead(), probability=0.5, per="sample"),
-        Fault(sensors=["lidar"], effect=Mismount(rotation_deg=[1, 1, 1], drawn=True), per="sample"),
+        Fault(sensors=["lidar"], effect=Mismount(rotation_deg=[1, 1, 1], random=True), per="sample"),
         Fault(sensors=["lidar", "radar"], effect=LostPoints(fraction=0.5)),
     ]
     plain, cached, other = (
@@ -274,7 +274,7 @@ PRESETS = {
     "camera_clock": [fault("camera", Clock(offset=t)) for t in (0.01, 0.03, 0.1)],
     "camera_drift": [fault("camera", Clock(drift_ppm=50.0, unsynchronised=t)) for t in (600.0, 1800.0, 3600.0)],
     "camera_shake": [
-        fault("camera", Mismount(rotation_deg=[a] * 3, drawn=True), per="sample") for a in (0.3, 1.0, 2.0)
+        fault("camera", Mismount(rotation_deg=[a] * 3, random=True), per="sample") for a in (0.3, 1.0, 2.0)
     ],
     "dead_camera": [fault("camera", Dead(), count=n) for n in (1, 3, None)],
     "dead_lidar": [fault("lidar", Dead())],
@@ -284,7 +284,7 @@ PRESETS = {
     "lidar_clock": [fault("lidar", Clock(offset=t)) for t in (0.01, 0.03, 0.1)],
     "lidar_points": [fault("lidar", LostPoints(fraction=f)) for f in (0.7, 0.8, 0.9)],
     "lidar_sector": [fault("lidar", LostSector(width_deg=w, spread_deg=40.0)) for w in (30.0, 60.0, 120.0)],
-    "lidar_shake": [fault("lidar", Mismount(rotation_deg=[a] * 3, drawn=True), per="sample") for a in (0.3, 1.0, 2.0)],
+    "lidar_shake": [fault("lidar", Mismount(rotation_deg=[a] * 3, random=True), per="sample") for a in (0.3, 1.0, 2.0)],
     "none": [None],
     "radar_clock": [fault("radar", Clock(offset=t)) for t in (0.02, 0.06, 0.2)],
     **{

@@ -60,7 +60,7 @@ def test_only_the_first_process_writes_and_speaks(two_processes):
     run = folder / "runs" / "two"
     assert {path.name for path in folder.iterdir()} == {"runs", "0.pt", "1.pt"}
     assert {path.name for path in run.iterdir()} == {"config.yaml", "env.json", "metrics.csv", "checkpoints", "tb"}
-    assert len(list((run / "tb").iterdir())) == 1
+    assert len(list((run / "tb").glob("events*"))) == 1
     with (run / "metrics.csv").open(encoding="utf-8") as file:
         rows = [(row["step"], row["name"]) for row in csv.DictReader(file)]
     assert rows
@@ -109,7 +109,7 @@ def test_ranks_share_a_batch_without_overlap(monkeypatch):
         parts.append(list(StepSampler(23, batch_size=6, steps=9, seed=3, ranks=3)))
     for batch, *shared in zip(whole, *parts, strict=True):
         assert [len(part) for part in shared] == [2, 2, 2]
-        assert sorted(sum(shared, [])) == sorted(batch)
+        assert sorted(key for part in shared for key in part) == sorted(batch)
     assert np.unique([place for batch in whole[:3] for _, place in batch]).size == 18
 
 
@@ -132,5 +132,5 @@ def test_devices_that_cannot_be_are_refused_before_anything_is_written(data, tmp
 @pytest.mark.skipif(torch.cuda.is_available(), reason="there is a GPU")
 def test_a_gpu_that_is_not_there_is_refused(data, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(ValueError, match="trainer.accelerator=gpu: there is no GPU here"):
+    with pytest.raises(ValueError, match="there is no GPU here"):
         fit(settings(data, "trainer.accelerator=gpu"))

@@ -113,13 +113,13 @@ class Clock(Effect):
 @dataclass(frozen=True, kw_only=True)
 class Mismount(Effect):
     """The true mount has moved and the reported one has not: turned by ``rotation_deg`` (roll, pitch, yaw about the ego's
-    axes, degrees) about the sensor, and moved by ``translation`` (m along the ego's axes).
+        axes, degrees) about the sensor, and moved by ``translation`` (m along the ego's axes).
 
-<<<<<<< HEAD
-    ``drawn``: the six values are standard deviations of normally distributed ones, sampled each time the fault is.
-=======
-    ``random``: the six values are standard deviations of normal distributions, sampled each time the fault is.
->>>>>>> w/hC
+    <<<<<<< HEAD
+        ``drawn``: the six values are standard deviations of normally distributed ones, sampled each time the fault is.
+    =======
+        ``random``: the six values are standard deviations of normal distributions, sampled each time the fault is.
+    >>>>>>> w/hC
     """
 
     rotation_deg: list[Number] = field(default_factory=lambda: [0.0, 0.0, 0.0])

@@ -18,6 +18,11 @@ def test_just_below_the_lower_bound_is_outside_not_cell_zero():
     assert GRID.rows_columns(xy)[2].tolist() == [False, False, True, False, False]
 
 
+def test_the_lower_bound_belongs_to_the_grid_and_the_upper_does_not():
+    xy = torch.tensor([[-4.0, 0.0], [0.0, -9.0], [20.0, 0.0], [0.0, 3.0]])
+    assert GRID.rows_columns(xy)[2].tolist() == GRID.contains(xy.numpy()).tolist() == [True, True, False, False]
+
+
 def test_nan_is_outside():
     row, column, inside = GRID.rows_columns(torch.tensor([float("nan"), 0.0]))
     assert not inside

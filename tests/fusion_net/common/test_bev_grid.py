@@ -30,6 +30,11 @@ def test_nan_is_outside():
     assert column >= 0
 
 
+def test_centres_lie_half_a_cell_from_the_bounds():
+    assert GRID.centers()[0, 0].tolist() == [-3.75, -8.75]
+    assert GRID.centers()[-1, -1].tolist() == [19.75, 2.75]
+
+
 def test_centres_fall_into_their_own_cells():
     row, column, inside = GRID.rows_columns(GRID.centers())
     assert inside.all()

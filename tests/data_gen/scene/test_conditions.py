@@ -1,3 +1,4 @@
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from fusion_net.common.random import stream
 CONFIGS = str(Path(__file__).parents[3] / "configs")
 
 
+@cache
 def load(name: str, *overrides: str) -> ConditionMix:
     with initialize_config_dir(CONFIGS, version_base=None):
         config = compose(overrides=[f"+condition={name}", *overrides])

@@ -18,11 +18,21 @@ def test_just_below_the_lower_bound_is_outside_not_cell_zero():
     assert GRID.rows_columns(xy)[2].tolist() == [False, False, True, False, False]
 
 
+def test_the_lower_bound_belongs_to_the_grid_and_the_upper_does_not():
+    xy = torch.tensor([[-4.0, 0.0], [0.0, -9.0], [20.0, 0.0], [0.0, 3.0]])
+    assert GRID.rows_columns(xy)[2].tolist() == GRID.contains(xy.numpy()).tolist() == [True, True, False, False]
+
+
 def test_nan_is_outside():
     row, column, inside = GRID.rows_columns(torch.tensor([float("nan"), 0.0]))
     assert not inside
     assert row >= 0
     assert column >= 0
+
+
+def test_centres_lie_half_a_cell_from_the_bounds():
+    assert GRID.centers()[0, 0].tolist() == [-3.75, -8.75]
+    assert GRID.centers()[-1, -1].tolist() == [19.75, 2.75]
 
 
 def test_centres_fall_into_their_own_cells():

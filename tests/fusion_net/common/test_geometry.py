@@ -25,6 +25,14 @@ def test_yaw_is_counter_clockwise_and_positive_pitch_looks_down():
     assert g.transform(g.from_rpy(0, 0.1, 0), [[1.0, 0.0, 0.0]])[0, 2] < 0
 
 
+@given(angle)
+def test_turning_vectors_is_the_pose_without_its_place_and_its_heading_comes_back(yaw):
+    vectors = np.array([[1.0, 0.0, 0.0], [2.0, -3.0, 0.5]])
+    assert g.rotate_yaw(vectors, yaw) == pytest.approx(g.transform(g.from_yaw(yaw), vectors))
+    assert g.rotate_yaw(vectors, np.array([np.pi / 2, 0.0])) == pytest.approx(np.array([[0.0, 1, 0], [2, -3, 0.5]]))
+    assert g.yaw_of(g.from_yaw(yaw)) == pytest.approx(yaw)
+
+
 @given(st.floats(0.5, 80), st.floats(-5, 5), st.floats(-3, 3))
 def test_unproject_undoes_project(z, x, y):
     cam_K = np.array([[220.0, 0, 163], [0, 210.0, 44], [0, 0, 1]])

@@ -4,7 +4,7 @@ import pytest
 
 from fusion_net.common.bev_grid import BEVGrid
 from fusion_net.common.boxes import Boxes
-from fusion_net.common.drawing import BEVPanel, boxes_on_image, dots, points_on_image
+from fusion_net.common.drawing import BEVPanel, boxes_on_image, depth_colors, dots, points_on_image
 from fusion_net.viz.lidar_check import write_check
 from tests.fixtures.tiny_tree import write_tree
 
@@ -35,6 +35,21 @@ def test_a_box_is_drawn_around_its_footprint():
     assert (columns.min(), columns.max()) == pytest.approx(((20 - 6) * 10, (20 - 4) * 10), abs=1)
     assert image[185, 149:151, 1].any()  # the line to the front, ahead of the centre
     assert not image[215, 145:155].any()
+
+
+def test_a_second_of_velocity_is_drawn_of_what_moves_alone():
+    panel = BEVPanel(BEVGrid(-10.0, 30.0, -5.0, 20.0, 0.5), scale=10.0)
+    for speed, ahead in ((8.0, True), (0.4, False)):
+        image = np.zeros((400, 250, 3), np.uint8)
+        wlh, velocity = np.array([[2.0, 4, 2]]), np.array([[speed, 0.0]])
+        panel.boxes(image, Boxes.labels(np.array([[10.0, 5, 1]]), wlh, np.zeros(1), velocity, np.zeros(1, int)), GREEN)
+        assert image[120:178, 148:152].any() == ahead  # from the front, 12 m ahead, to the arrow's tip at 18 m
+
+
+def test_near_points_are_red_and_far_ones_blue():
+    (near_red, _, near_blue), (far_red, _, far_blue) = depth_colors([2.0, 55.0]).astype(int)
+    assert near_red > near_blue
+    assert far_red < far_blue
 
 
 def test_points_land_on_their_pixel_the_nearer_on_top_and_none_from_behind():

@@ -7,6 +7,7 @@ entries are probabilities: the outer product pixels x depths x channels (the fru
 transposed product, and with respect to each entry of S a dot product.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import torch
@@ -102,13 +103,31 @@ def pixel_rays(cam_K: Tensor, height: int, width: int, stride: int) -> Tensor:
     """Camera-frame rays with z = 1 (B, N, h, w, 3) through the centres of stride x stride pixel cells."""
     v, u = torch.meshgrid(torch.arange(height), torch.arange(width), indexing="ij")
     centers = torch.stack([(u + 0.5) * stride, (v + 0.5) * stride, torch.ones_like(u)], dim=-1).to(cam_K)
-    return torch.einsum("bnij,hwj->bnhwi", torch.linalg.inv(cam_K), centers)
+    return rotated(inverse(cam_K)[:, :, None, None], centers)
+
+
+def inverse(matrix: Tensor) -> Tensor:
+    """Of matrices (..., 3, 3), by way of double precision."""
+    return torch.linalg.inv(matrix.double()).to(matrix)
+
+
+def rotated(matrix: Tensor, vectors: Tensor) -> Tensor:
+    """``matrix`` (..., 3, 3) times ``vectors`` (..., 3), term by term.
+
+    The last bits of a matrix product depend on where its operands lie in memory, and a point near the edge of a cell would
+    fall on either side of it: a resumed run would not be the unbroken one.
+    """
+    return _dot(matrix.unbind(-1), [component[..., None] for component in vectors.unbind(-1)])
+
+
+def _dot(left: Sequence[Tensor], right: Sequence[Tensor]) -> Tensor:
+    return left[0] * right[0] + left[1] * right[1] + left[2] * right[2]
 
 
 def ego_points(depth: Tensor, cam_K: Tensor, ego_T_cam: Tensor, stride: int) -> Tensor:
     """Ego points (B, N, h, w, D, 3) of pixel cells at depths broadcastable to (B, N, h, w, D), metres along z."""
     height, width = depth.shape[-3:-1]
-    rays = torch.einsum("bnij,bnhwj->bnhwi", ego_T_cam[..., :3, :3], pixel_rays(cam_K, height, width, stride))
+    rays = rotated(ego_T_cam[:, :, None, None, :3, :3], pixel_rays(cam_K, height, width, stride))
     return depth[..., None] * rays[..., None, :] + ego_T_cam[:, :, None, None, None, :3, 3]
 
 
@@ -193,12 +212,13 @@ class BackwardProjection(ViewTransform):
     ) -> tuple[SplatIndex, tuple[Tensor, ...]]:
         (batch, cameras), (height, width), count = cam_K.shape[:2], size, self.bins.count
         rotation, origin = ego_T_cam[..., :3, :3], ego_T_cam[..., :3, 3]
+        cam_R_ego = inverse(rotation)  # a general inverse: augmentation mirrors and scales
+        projection = rotated(cam_K[:, :, None], cam_R_ego.mT).mT  # cam_K @ cam_R_ego
         # cam_K @ cam_R_ego @ (point - origin), with the points last so that the camera axes are contiguous planes
-        cam_R_ego = torch.linalg.inv(rotation)  # a general inverse: augmentation mirrors and scales
-        projection = cam_K @ cam_R_ego
-        offset = torch.einsum("bnij,bnj->bni", projection, origin)
-        image = torch.einsum("bnij,pj->bnip", projection, self.points.to(cam_K)) - offset[..., None]
-        depth = (cam_R_ego[..., 2, :] @ self.points.T.to(cam_K)) - (cam_R_ego[..., 2, :] * origin).sum(-1, keepdim=True)
+        axes = self.points.T.to(cam_K)
+        image = _dot(projection[..., None].unbind(-2), axes) - rotated(projection, origin)[..., None]
+        forward = cam_R_ego[:, :, 2, :, None].unbind(-2)  # the optical axis
+        depth = _dot(forward, [axis - start for axis, start in zip(axes, origin[..., None].unbind(-2), strict=True)])
         column = image[:, :, 0] / depth / self.stride - 0.5
         row = image[:, :, 1] / depth / self.stride - 0.5
         position = self.bins.coordinate(depth) - 0.5  # in bins, between their centres

@@ -53,7 +53,9 @@ def _by_group(case: str, scans: list[Scan]) -> Iterator[Finding]:
     for high, low, least in STEPS:
         limit = least - 3 * math.hypot(error[high], error[low])
         count = min(len(strongest[high]), len(strongest[low]))
-        yield Finding(f"radar RCS: {high} over {low}", middle[high] - middle[low], ">=", limit, count, "dB", case, OBJECTS)
+        yield Finding(
+            f"radar RCS: {high} over {low}", middle[high] - middle[low], ">=", limit, count, "dB", case, OBJECTS
+        )
 
     middle["over"] = float(np.median(over or [0.0]))
     limit = STANDS_OUT - 3 * _error(np.array(over or [0.0]), middle["over"])

@@ -66,10 +66,10 @@ def _table(found: dict[str, dict]) -> str:
     for name, (_, check) in FAULTS.items():
         cells = []
         for faults in found.values():
-            if name in faults:
-                failed = faults[name]["failed"]
-                others = len(failed) - (check in failed)
-                cells.append(("yes" if check in failed else "no") + (f", {others} more" if others else ""))
+            failed = faults[name]["failed"] if name in faults else None
+            others = 0 if failed is None else len(failed) - (check in failed)
+            verdict = "not tried" if failed is None else "yes" if check in failed else "no"
+            cells.append(verdict + (f", {others} more" if others else ""))
         lines.append(f"| {name} | {check} | " + " | ".join(cells) + " |")
     return "\n".join(lines)
 

@@ -48,7 +48,9 @@ class Scan:
     speed: np.ndarray  # (P,) m/s along the ray, relative to the sensor: positive recedes
     ground_speed: np.ndarray  # (P,) m/s along the ray, over ground
     rcs: np.ndarray  # (P,) dBsm
-    unfolded: np.ndarray  # (P,) bool: whether the speeds are certain; another fold of the Doppler reports wrong ones on purpose
+    unfolded: (
+        np.ndarray
+    )  # (P,) bool: whether the speeds are certain; another fold of the Doppler reports wrong ones on purpose
     objects: list[Seen]
 
     def offsets(self, seen: Seen) -> tuple[np.ndarray, np.ndarray, float]:

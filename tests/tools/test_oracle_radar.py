@@ -10,8 +10,9 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 DEVKIT = ROOT / ".venv-devkit/bin/python"
-TREES = {"nano": (12, "", 29), "surround": (3, "RADAR_FRONT", 6)}
-"""By rig: scenes, in the names of which faults that are tried, and how many these are. Each is on the rig that costs least."""
+FEW_OBJECTS = r"turned by 20|by 0\.7 degrees|mounts of left|file names|vx|sweeps with|wrong order"
+TREES = {"nano": (12, "", 29), "surround": (3, FEW_OBJECTS, 10)}
+"""By rig: scenes, the faults that are tried, and how many these are. Three scenes have too few objects for the other faults."""
 
 pytestmark = [
     pytest.mark.slow,
@@ -41,10 +42,14 @@ def test_each_fault_is_caught_by_its_check_and_no_fault_by_none(found):
     assert not missed
 
 
-def test_a_finding_names_the_radar_and_the_age(found):
+def test_a_finding_names_the_radar(found):
     turned = found["mount of RADAR_FRONT turned by 20 degrees"]
-    late = found["range 3 % too long, RADAR_FRONT's sweeps only"]
     assert {case.split(",")[0] for case in turned["failed"][turned["check"]]} == {"RADAR_FRONT"}
+
+
+@pytest.mark.parametrize("found", ["nano"], indirect=True)
+def test_a_finding_names_the_age(found):
+    late = found["range 3 % too long, RADAR_FRONT's sweeps only"]
     cases = late["failed"][late["check"]]
     assert {case.split(",")[0] for case in cases} == {"RADAR_FRONT"}
     assert any(case.endswith("ms before") for case in cases)

@@ -42,7 +42,7 @@ class Pile:
     at: float
     systematic: float
     noise: float
-    objects: int = 20
+    objects: int
 
     def finding(self, offsets: dict[str, list[np.ndarray]], case: str) -> Finding:
         """How far from where they should do the offsets of each object pile up."""
@@ -62,9 +62,9 @@ class Pile:
         return top
 
 
-ACROSS = Pile("radar: bearing of returns, off the boxes", "deg", 25.0, 2.0, 0.0, 0.5, 20.0)
+ACROSS = Pile("radar: bearing of returns, off the boxes", "deg", 25.0, 2.0, 0.0, 0.5, 20.0, objects=10)
 """Noise of the bearing and half the widths of boxes: some 4 degrees."""
-ALONG = Pile("radar: range of returns, off the near side of boxes", "m", 4.0, 0.3, 0.3, 0.25, 4.0)
+ALONG = Pile("radar: range of returns, off the near side of boxes", "m", 4.0, 0.3, 0.3, 0.25, 4.0, objects=20)
 """Behind the nearest point of a box by 0.3 m: bumpers are rounded, sides are seen aslant. Noise of at most 0.2 m, and depth."""
 
 

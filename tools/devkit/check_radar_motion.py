@@ -5,6 +5,7 @@ from collections import defaultdict
 from collections.abc import Iterator
 
 import numpy as np
+from ego_motion_fit import ego_motion_fit
 from ego_path import EgoPath
 from findings import Finding, none_of
 from nuscenes import NuScenes
@@ -23,8 +24,6 @@ OFF_TRAVEL = (0.2, 0.01)
 """Degrees, and share of the speed, by which the car's travel may differ from the path's, with four standard errors more."""
 AHEAD = 10.0
 """Degrees that RADAR_FRONT may look aside."""
-PAIRS, AGREES = 300, 0.3
-"""Pairs of returns that are tried as what stands still; and the m/s off within which another agrees: the bearing's noise."""
 LOPSIDED = 8.0
 """Degrees between the edges of the field of view to the left and to the right: noise at the edge, and a wall on one side."""
 
@@ -125,39 +124,10 @@ def _own_velocity(tree: NuScenes, paths: dict, channel: str, age: str, scans: li
     limit = OFF_OWN[0] + OFF_OWN[1] / math.sqrt(max(len(off), 1))
     yield Finding(what, float(np.percentile(off, 90)) if len(off) else 0.0, "<=", limit, len(off), "m/s", case, 50)
     rows = np.stack([np.concatenate(ahead), np.concatenate(across)], axis=1)
-    along, aside, sigma = _robust_fit(rows, np.concatenate(doppler))
+    along, aside, sigma = ego_motion_fit(rows, np.concatenate(doppler))
     turned = abs(math.degrees(math.atan2(aside, along)))
     what, limit = "radar vx: direction of the car's travel, from what stands still", OFF_TRAVEL[0] + 4 * sigma
     yield Finding(what, turned, "<=", limit, len(rows), "deg", case, 100)
     what = "radar vx: speed of the car, from what stands still, of that of its path"
     limit = OFF_TRAVEL[1] + 4 * math.radians(sigma)
     yield Finding(what, abs(along - 1) if len(rows) else 0.0, "<=", limit, len(rows), "", case, 100)
-
-
-def _robust_fit(rows: np.ndarray, values: np.ndarray) -> tuple[float, float, float]:
-    """The two factors of ``rows`` (N, 2) that give most of ``values`` (N,), and the standard error of the second in degrees.
-
-    In dense traffic half of all returns move, and a fit to all of them comes to rest between the road and a lorry. So the
-    factors that most agree with are chosen from those of random pairs, as Kellner does, and refined by least squares.
-    """
-    if len(rows) < 3:
-        return 1.0, 0.0, 0.0
-    pairs = np.random.default_rng(0).integers(0, len(rows), (PAIRS, 2))
-    (a, b), (c, d) = rows[pairs].transpose(1, 2, 0)
-    first, second = values[pairs].T
-    area = np.where(np.abs(a * d - b * c) > 1e-6, a * d - b * c, np.inf)
-    guesses = np.stack([first * d - second * b, a * second - c * first]) / area
-    factors = guesses[:, _agree(rows @ guesses, values[:, None]).sum(axis=0).argmax()]
-    normal = np.eye(2)
-    for _ in range(5):
-        weights = _agree(rows @ factors, values)
-        normal = (rows * weights[:, None]).T @ rows
-        factors = np.linalg.lstsq(normal, rows.T @ (weights * values), rcond=None)[0]
-    spread = math.sqrt(float(weights @ (values - rows @ factors) ** 2 / weights.sum()))
-    sigma = math.degrees(spread * math.sqrt(np.linalg.pinv(normal)[1, 1]))
-    return float(factors[0]), float(factors[1]), sigma
-
-
-def _agree(expected: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """How much values agree with what is expected, m/s: Cauchy's weights, from 0 to 1."""
-    return 1 / (1 + ((values - expected) / AGREES) ** 2)

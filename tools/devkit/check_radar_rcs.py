@@ -73,6 +73,7 @@ def _strongest(scans: list[Scan]) -> tuple[dict[str, list[float]], list[float]]:
     of each vehicle is over the median of its scan. Both are the median of all scans, so that an object counts once."""
     strongest, over = {group: defaultdict(list) for group in GROUPS}, defaultdict(list)
     for scan in scans:
+        usual = np.median(scan.rcs) if scan.objects else 0.0
         for seen in scan.objects:
             group = next((name for name, kinds in GROUPS.items() if seen.category.startswith(kinds)), None)
             aside, behind, half = scan.offsets(seen)
@@ -81,7 +82,7 @@ def _strongest(scans: list[Scan]) -> tuple[dict[str, list[float]], list[float]]:
             if group and mine.any():
                 strongest[group][seen.instance].append(scan.rcs[mine].max())
             if group not in (None, "people") and front.any():
-                over[seen.instance].append(np.median(scan.rcs[front]) - np.median(scan.rcs))
+                over[seen.instance].append(np.median(scan.rcs[front]) - usual)
     return {group: _medians(found) for group, found in strongest.items()}, _medians(over)
 
 

@@ -38,7 +38,7 @@ def caught(root: Path, chosen: str) -> dict[str, dict]:
     "nothing"."""
     found = {"nothing": {"check": "", "failed": _failed(root)}}
     for name, (damage, check) in FAULTS.items():
-        if chosen in name:
+        if re.search(chosen, name):
             with tempfile.TemporaryDirectory(dir=root.parent, prefix=".mutation-") as folder:
                 copy = FaultyCopy(root, Path(folder) / "tree")
                 damage(copy)
@@ -66,10 +66,10 @@ def _table(found: dict[str, dict]) -> str:
     for name, (_, check) in FAULTS.items():
         cells = []
         for faults in found.values():
-            if name in faults:
-                failed = faults[name]["failed"]
-                others = len(failed) - (check in failed)
-                cells.append(("yes" if check in failed else "no") + (f", {others} more" if others else ""))
+            failed = faults[name]["failed"] if name in faults else None
+            others = 0 if failed is None else len(failed) - (check in failed)
+            verdict = "not tried" if failed is None else "yes" if check in failed else "no"
+            cells.append(verdict + (f", {others} more" if others else ""))
         lines.append(f"| {name} | {check} | " + " | ".join(cells) + " |")
     return "\n".join(lines)
 
@@ -78,7 +78,7 @@ def main() -> None:
     """Prints the table, or writes it into a document between its marks."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--root", type=Path, action="append", required=True, help="nuScenes tree; may be given again")
-    parser.add_argument("--only", default="", help="faults whose name has this in it")
+    parser.add_argument("--only", default="", help="faults whose name this regular expression finds")
     parser.add_argument("--docs", type=Path, help="document to write the table into")
     parser.add_argument("--json", type=Path, help="where to write all that failed")
     arguments = parser.parse_args()

@@ -55,8 +55,8 @@ class Scan:
 
     def offsets(self, seen: Seen) -> tuple[np.ndarray, np.ndarray, float]:
         """Degrees (P,) from the middle of an object, metres (P,) behind its nearest point, and half its width in degrees."""
-        middle, half = np.degrees(np.mean(seen.bearing)), np.degrees(np.ptp(seen.bearing) / 2)
-        return np.degrees(self.bearing) - middle, self.range - seen.distance[0], float(half)
+        right, left = np.degrees(seen.bearing)
+        return np.degrees(self.bearing) - (right + left) / 2, self.range - seen.distance[0], float(left - right) / 2
 
 
 def radar_scans(tree: NuScenes, samples: list[dict]) -> list[Scan]:

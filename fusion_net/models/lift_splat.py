@@ -120,7 +120,7 @@ def rotated(matrix: Tensor, vectors: Tensor) -> Tensor:
     return _dot(matrix.unbind(-1), [component[..., None] for component in vectors.unbind(-1)])
 
 
-def _dot(left: Sequence[Tensor], right: Sequence[Tensor]) -> Tensor:
+def _dot(left: Sequence[Tensor] | Tensor, right: Sequence[Tensor] | Tensor) -> Tensor:
     return left[0] * right[0] + left[1] * right[1] + left[2] * right[2]
 
 

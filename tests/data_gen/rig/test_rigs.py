@@ -117,7 +117,7 @@ def test_an_episode_has_room_for_the_sweeps_before_its_first_keyframe():
         assert rig.duration(4) == 3.0
         first, last = keyframe_times(rig, 4)[[0, -1]]
         for channel, mount in rig.sensors.items():
-            past = rig.past_firings(channel)
+            past = rig.past_events(channel)
             written = (past + 1) / mount.rate if isinstance(past, int) else 1 / rig.keyframe_rate + 1 / mount.rate
             assert first - written > 0
         assert last < rig.duration(4)

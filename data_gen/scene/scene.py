@@ -21,6 +21,7 @@ from data_gen.scene.conditions import Condition
 from data_gen.scene.luminaires import luminaires
 from data_gen.scene.noise import GOLDEN
 from data_gen.scene.ray_kernels import finish, into_bodies, keep_nearer, passing
+from data_gen.scene.wetness import Wetness
 from data_gen.world.ground import GroundMap
 from fusion_net.common.geometry import rotate_yaw
 
@@ -112,6 +113,7 @@ class Scene:
         condition: Condition,
     ) -> None:
         self.name, self.ego, self.actors, self.condition = name, ego, actors, condition
+        self.wetness = Wetness(condition.water_film)
         self.ground, self.ground_faces, self.world_scatterers = ground, ground_faces, world_scatterers
         self.luminaires = luminaires(world)
         self._world = _Tree(world)

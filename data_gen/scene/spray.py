@@ -16,8 +16,6 @@ from data_gen.scene.scene import Scene
 
 Array = NDArray[np.float64]
 
-LEAST_FILM = 0.3
-"""Millimetres of water that the road's texture holds back."""
 LEAST_SPEED = 8.0
 """Speed in m/s from which tyres throw a plume."""
 EXTINCTION = 0.3
@@ -50,7 +48,7 @@ def plumes_at(scene: Scene, t: float) -> Plumes:
     """
     film = scene.condition.water_film
     vehicles = []
-    if scene.condition.spray and film > LEAST_FILM:
+    if scene.condition.spray and scene.wetness.feeds_spray:
         moving = [actor for actor in scene.actors if actor.track.velocity.any()]
         vehicles = [actor for actor in moving if actor.asset.category.startswith("vehicle.")]
     states = [actor.track.at(t) for actor in vehicles]

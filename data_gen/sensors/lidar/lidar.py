@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from data_gen.rig.mounts import Lidar
 from data_gen.scene.scene import WORLD, Hits, Scene
+from data_gen.scene.wetness import ABSORBING
 from data_gen.sensors.common.data import PointData
 from data_gen.sensors.common.event import CaptureEvent
 from data_gen.sensors.lidar.power import (
@@ -20,7 +21,7 @@ from data_gen.sensors.lidar.power import (
     signal_to_noise,
 )
 from data_gen.sensors.lidar.weather import Rays, with_weather
-from data_gen.world.ground import GROUND_NAMES, ground_table
+from data_gen.world.ground import ground_table
 from fusion_net.common.fault_effects import Rings
 from fusion_net.common.geometry import invert, rotate_yaw, transform
 
@@ -29,9 +30,6 @@ RANGE_STEP = 0.002
 
 RETRO = 0.85
 """Reflectivity from which a surface is retro-reflective sheeting, reported up to 255 where diffuse per cent end at 100."""
-
-SOAKING = np.isin(GROUND_NAMES, ("grass", "dry_grass", "gravel"))
-"""Which grounds hold no film of water."""
 
 
 @dataclass(frozen=True)
@@ -128,9 +126,9 @@ def surface_returns(scene: Scene, hits: Hits, rays: Rays, *, max_range: float) -
     cosine = np.abs(np.einsum("ij,ij->i", hits.normal[ray], rays.directions[ray]))
     material = scene.ground.at(hits.local[ray[ground]])
     reflectivity[ground] = ground_table()[2][material]
-    if scene.condition.water_film > 0:
-        wet = ground[~SOAKING[material]]
-        reflectivity[wet] *= film_loss(cosine[wet], scene.condition.water_film)
+    if scene.wetness.is_wet:
+        wet = ground[~ABSORBING[material]]
+        reflectivity[wet] *= film_loss(cosine[wet], scene.wetness.covered)
     cosine[ground] = rough_cosine(cosine[ground])
     transmission = np.exp(-2 * scene.condition.extinction * distance)
     snr = signal_to_noise(reflectivity * cosine * transmission, distance, max_range=max_range)

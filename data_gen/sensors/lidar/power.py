@@ -7,8 +7,6 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
-FULL_FILM = 1.2
-"""Millimetres of water under which the texture of asphalt has drowned (LiDAR_snow_sim)."""
 LEAST_BRIGHTNESS = 0.9
 """Reflectivity of the target that is detected half of the time when hit squarely at the greatest range in clear air (LISA)."""
 WATER_INDEX = 1.328
@@ -73,14 +71,14 @@ def rough_cosine(cosine: Array) -> Array:
     return a * cosine + b * (1 - cosine**2)
 
 
-def film_loss(cosine: Array, film: float) -> Array:
-    """Fraction (N,) of the diffuse reflection of a ground that a water film of ``film`` mm leaves at cos(incidence) (N,).
+def film_loss(cosine: Array, covered: float) -> Array:
+    """Fraction (N,) of the diffuse reflection that is left of a ground of which water covers the fraction ``covered``, at
+    cos(incidence) (N,).
 
-    (1 - f) + f T^2 with f = min(film / 1.2 mm, 1) and T the unpolarised Fresnel transmission into water, passed twice: at a
-    grazing angle the light is mirrored away (LiDAR_snow_sim).
+    (1 - f) + f T^2 with f = ``covered`` and T the unpolarised Fresnel transmission into water, passed twice: at a grazing
+    angle the light is mirrored away (LiDAR_snow_sim).
     """
     inside = np.sqrt(1 - (1 - cosine**2) / WATER_INDEX**2)  # cosine of the refracted ray
     s = (cosine - WATER_INDEX * inside) / (cosine + WATER_INDEX * inside)
     p = (WATER_INDEX * cosine - inside) / (WATER_INDEX * cosine + inside)
-    covered = min(film / FULL_FILM, 1.0)
     return 1 - covered + covered * (1 - (s**2 + p**2) / 2) ** 2

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from data_gen.scene.light import sky
 from data_gen.scene.scene import WORLD, Hits
 from data_gen.sensors.camera.rendering.renderer import Renderer
-from data_gen.sensors.camera.rendering.wet_road import FULL_FILM, ROUGHNESS
+from data_gen.sensors.camera.rendering.wet_road import ROUGHNESS
 
 _MIRROR_RANGE = 120.0
 """Metres that mirrored rays travel."""
@@ -33,8 +33,8 @@ def mirror_image(
             _bounced(renderer, rays, hits, ground), ((0, 0), (0, 1)), constant_values=1
         )
     # A slope s turns the ray by 2 s: that many pixels up and down, and less across by the grazing angle.
-    film = min(renderer.scene.condition.water_film / FULL_FILM, 1.0)
-    tall = 2 * (ROUGHNESS[0] + (1 - film) * (ROUGHNESS[1] - ROUGHNESS[0])) / renderer.view.pixel
+    covered = renderer.scene.wetness.covered
+    tall = 2 * (ROUGHNESS[0] + (1 - covered) * (ROUGHNESS[1] - ROUGHNESS[0])) / renderer.view.pixel
     size = (2 * round(0.1 * tall) + 1, 2 * round(0.4 * tall) + 1)  # half the rows, and the filter acts twice
     soft = cv2.blur(cv2.blur(half, size, borderType=cv2.BORDER_CONSTANT), size, borderType=cv2.BORDER_CONSTANT)
     faint = np.float32(1e-3)  # where no sample is near, the horizon

@@ -61,7 +61,7 @@ class Renderer:
         self.light = light_of(scene.condition, scene.name)
         if len(self.lamps.street.position):
             self.light = self.light._replace(street=self.light.street * _TOWN_GLOW)
-        self.is_wet = scene.condition.water_film > wet_road.LEAST_FILM
+        self.is_wet = scene.wetness.is_wet
 
     def cast(self, rays: NDArray[np.float32]) -> tuple[Hits, NDArray[np.float32]]:
         """What the rays (N, 3) meet, and which hits the sun reaches: 1, or 0 in shadow or turned away."""

@@ -9,39 +9,33 @@ from numpy.typing import NDArray
 from data_gen.jobs.jit import jit
 from data_gen.scene.noise import noise2
 from data_gen.scene.scene import Hits, Scene
-from data_gen.world.ground import GROUND_NAMES
+from data_gen.scene.wetness import ABSORBING
 
-LEAST_FILM = 0.05
-"""Millimetres of water under which a road counts as dry."""
-FULL_FILM = 1.0
-"""Millimetres that drown the texture of the road."""
-_DARK_FILM = 0.2
 ROUGHNESS = (0.03, 0.12)
 """Standard deviation of the slope of the ripples on a drowned road and on a damp one."""
-_SOAKS_AWAY = np.array([any(word in name for word in ("grass", "gravel", "earth", "soil")) for name in GROUND_NAMES])
 
 
 def soak(scene: Scene, hits: Hits, ground: NDArray[np.int64], colors: NDArray[np.float32]) -> None:
     """Darken, in place, the painted ``colors`` (N, 5) of the hits ``ground`` (K,), and write the fraction of them that water
-    covers to the column of the specular fraction. Water stands in patches."""
-    where, film = scene.ground, scene.condition.water_film
+    covers to the specular column. Water stands in patches."""
+    where, wetness = scene.ground, scene.wetness
     _soak(
-        hits.local, ground, where.material, np.asarray(where.origin, float), float(where.resolution), _SOAKS_AWAY,
-        min(film / FULL_FILM, 1.0) ** 0.7, min(film / _DARK_FILM, 1.0), colors,
+        hits.local, ground, where.material, np.asarray(where.origin, float), float(where.resolution), ABSORBING,
+        wetness.covered, wetness.darkened, colors,
     )  # fmt: skip
 
 
 @jit
-def _soak(local, ground, raster, origin, resolution, soaks_away, covered, damp, colors):
+def _soak(local, ground, raster, origin, resolution, absorbing, covered, darkened, colors):
     for i in ground:
         x, y = np.float64(local[i, 0]), np.float64(local[i, 1])
         row, column = int(np.floor((y - origin[1]) / resolution)), int(np.floor((x - origin[0]) / resolution))
-        if not (0 <= row < raster.shape[0] and 0 <= column < raster.shape[1]) or soaks_away[raster[row, column]]:
+        if not (0 <= row < raster.shape[0] and 0 <= column < raster.shape[1]) or absorbing[raster[row, column]]:
             continue
         patch = 1 + 0.5 * noise2(x / 3.1, y / 3.1, 111) + 0.35 * noise2(x / 0.8, y / 0.8, 112)
         colors[i, 3] = min(max(covered * patch, 0.0), 1.0)
         for c in range(3):  # light is caught between film and road; bright paint gives it back (Lekner and Dorf, 1988)
-            colors[i, c] *= 1 - 0.5 * damp * (1 - colors[i, c]) ** 2
+            colors[i, c] *= 1 - 0.5 * darkened * (1 - colors[i, c]) ** 2
 
 
 @jit

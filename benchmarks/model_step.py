@@ -10,7 +10,7 @@ import time
 import torch
 
 from fusion_net.data.batch import Batch
-from fusion_net.models.camera_encoder import CameraEncoder
+from fusion_net.models.encoders.camera_encoder import CameraEncoder
 from fusion_net.models.fusion_net import FusionNet
 from tests.fixtures.random_batch import load_model, random_batch
 

@@ -13,14 +13,14 @@ import time
 import torch
 from torch import Tensor
 
-from fusion_net.models.lift_splat import SplatIndex, splat
+from fusion_net.models.blocks.splat import SplatIndex, splat
 
 BATCH, CAMERAS, HEIGHT, WIDTH, BINS, CHANNELS, SIDE = 4, 6, 16, 44, 48, 64, 128
 PIXELS, CELLS = BATCH * CAMERAS * HEIGHT * WIDTH, BATCH * SIDE * SIDE
 
 
 def ours(features: Tensor, probability: Tensor, cell: Tensor, kept: Tensor, index: SplatIndex) -> Tensor:
-    """The sparse product of ``lift_splat``."""
+    """The sparse product of ``splat``."""
     return splat(features, probability.flatten().index_select(0, kept), index)
 
 

@@ -3,7 +3,7 @@
 from beartype import beartype
 from torch import Tensor, nn
 
-from fusion_net.models.layers import ConvBlock, ResidualBlock, UpBlock
+from fusion_net.models.blocks.layers import ConvBlock, ResidualBlock, UpBlock
 
 
 @beartype

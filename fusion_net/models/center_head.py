@@ -11,7 +11,7 @@ from torch import Tensor, nn
 from fusion_net.common.bev_grid import BEVGrid
 from fusion_net.common.boxes import Boxes
 from fusion_net.common.nuscenes_format import CLASSES
-from fusion_net.models.layers import PRIOR_LOGIT, ConvBlock
+from fusion_net.models.blocks.layers import PRIOR_LOGIT, ConvBlock
 
 REGRESSIONS = {"offset": 2, "height": 1, "size": 3, "rot": 2, "velocity": 2, "log_variance": 2}
 """Channels of each map: metres from the cell's centre, z in m, log of w l h, sin and cos of yaw, m/s, log of m^2."""

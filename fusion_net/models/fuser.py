@@ -13,7 +13,7 @@ from beartype import beartype
 from torch import Tensor, nn
 
 from fusion_net.common.nuscenes_format import MODALITIES
-from fusion_net.models.layers import ConvBlock
+from fusion_net.models.blocks.layers import ConvBlock
 
 
 def _masked(bev: dict[str, Tensor], present: Tensor) -> list[Tensor]:

@@ -10,11 +10,11 @@ from fusion_net.common.bev_grid import BEVGrid
 from fusion_net.common.boxes import Boxes
 from fusion_net.common.nuscenes_format import MODALITIES
 from fusion_net.data.batch import Batch
-from fusion_net.models.camera_encoder import CameraEncoder
+from fusion_net.models.blocks.outputs import Encoded, Outputs
 from fusion_net.models.center_head import CenterHead
+from fusion_net.models.encoders.camera_encoder import CameraEncoder
 from fusion_net.models.fuser import AverageFuser, ConcatFuser
 from fusion_net.models.losses import DetectionLoss
-from fusion_net.models.outputs import Encoded, Outputs
 
 
 @beartype

@@ -9,8 +9,8 @@ from beartype import beartype
 from torch import Tensor
 
 from fusion_net.data.batch import Batch, Targets
-from fusion_net.models.depth_bins import DepthBins
-from fusion_net.models.outputs import ImagePredictions, Outputs
+from fusion_net.models.blocks.depth_bins import DepthBins
+from fusion_net.models.blocks.outputs import ImagePredictions, Outputs
 
 REGRESSED = ("offset", "height", "size", "rot", "velocity")
 """Box maps that are learned by an L1 loss."""

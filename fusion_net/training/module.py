@@ -5,7 +5,7 @@ import torch
 
 from fusion_net.common.nuscenes_format import MODALITIES
 from fusion_net.data.batch import Batch
-from fusion_net.models.camera_encoder import CameraEncoder
+from fusion_net.models.encoders.camera_encoder import CameraEncoder
 from fusion_net.models.fusion_net import FusionNet
 from fusion_net.training.modality_dropout import sample_present
 from fusion_net.training.optimizer import make_optimizer

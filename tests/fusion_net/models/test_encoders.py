@@ -7,9 +7,9 @@ import pytest
 import torch
 
 from fusion_net.common.nuscenes_format import MODALITIES
-from fusion_net.models.depth_bins import DepthBins
-from fusion_net.models.lift_splat import LiftSplat
-from fusion_net.models.radar_encoder import RASTER_CHANNELS, rasterize
+from fusion_net.models.blocks.depth_bins import DepthBins
+from fusion_net.models.encoders.radar_encoder import RASTER_CHANNELS, rasterize
+from fusion_net.models.encoders.view_transforms import LiftSplat
 from tests.fixtures.small_model import (
     CHANNELS,
     GRID,

@@ -6,9 +6,9 @@ import pytest
 import torch
 
 from fusion_net.common.nuscenes_format import MODALITIES
+from fusion_net.models.encoders.radar_encoder import RadarEncoder
+from fusion_net.models.encoders.view_transforms import LiftSplat
 from fusion_net.models.fusion_net import FusionNet
-from fusion_net.models.lift_splat import LiftSplat
-from fusion_net.models.radar_encoder import RadarEncoder
 from tests.fixtures.random_batch import load_model
 from tests.fixtures.small_model import (
     CHANNELS,

@@ -7,10 +7,10 @@ import torch
 
 from fusion_net.common.bev_grid import BEVGrid
 from fusion_net.data.batch import Targets
+from fusion_net.models.blocks.depth_bins import DepthBins
+from fusion_net.models.blocks.outputs import ImagePredictions, Outputs
 from fusion_net.models.center_head import REGRESSIONS
-from fusion_net.models.depth_bins import DepthBins
 from fusion_net.models.losses import WEIGHTS, DetectionLoss, center_nll, depth_loss, focal_loss, masked_l1
-from fusion_net.models.outputs import ImagePredictions, Outputs
 from tests.fixtures.random_batch import random_batch
 
 GRID = BEVGrid(0.0, 16.0, -4.0, 8.0, 1.0)

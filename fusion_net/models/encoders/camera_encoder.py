@@ -8,10 +8,11 @@ from torch import Tensor, nn
 
 from fusion_net.common.nuscenes_format import MODALITIES
 from fusion_net.data.batch import Batch
-from fusion_net.models.image_network import ImageNetwork
-from fusion_net.models.layers import ConvBlock
-from fusion_net.models.lift_splat import SplatIndex, ViewTransform, ego_points, flat_cells, splat, to_map
-from fusion_net.models.outputs import Encoded, ImagePredictions
+from fusion_net.models.blocks.layers import ConvBlock
+from fusion_net.models.blocks.outputs import Encoded, ImagePredictions
+from fusion_net.models.blocks.splat import SplatIndex, flat_cells, splat, to_map
+from fusion_net.models.encoders.image_network import ImageNetwork
+from fusion_net.models.encoders.view_transforms import ViewTransform, ego_points
 
 
 @beartype

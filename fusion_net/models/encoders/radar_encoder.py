@@ -6,9 +6,9 @@ from torch import Tensor, nn
 
 from fusion_net.common.bev_grid import BEVGrid
 from fusion_net.data.batch import RADAR_CHANNELS, Batch
-from fusion_net.models.layers import ConvBlock
-from fusion_net.models.lift_splat import to_map
-from fusion_net.models.outputs import Encoded
+from fusion_net.models.blocks.layers import ConvBlock
+from fusion_net.models.blocks.outputs import Encoded
+from fusion_net.models.blocks.splat import to_map
 
 RASTER_CHANNELS = ("occupancy", "count", "rcs", "rcs_max", "vx", "vy", "speed", "speed_max", "age", "dx", "dy")
 """Of a cell: 1 if hit, log(1 + hits), mean and greatest RCS (dBsm / 10), mean compensated radial velocity in ego axes

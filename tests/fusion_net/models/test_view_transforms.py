@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 
 from fusion_net.common import geometry
 from fusion_net.common.bev_grid import BEVGrid
-from fusion_net.models.depth_bins import DepthBins
-from fusion_net.models.lift_splat import BackwardProjection, LiftSplat, SplatIndex, ego_points, splat
+from fusion_net.models.blocks.depth_bins import DepthBins
+from fusion_net.models.blocks.splat import SplatIndex, splat
+from fusion_net.models.encoders.view_transforms import BackwardProjection, LiftSplat, ego_points
 
 GRID = BEVGrid(2.0, 42.0, -12.0, 20.0, 0.8)  # neither square nor centred
 BINS = DepthBins(2.0, 42.0, 160, "linear")

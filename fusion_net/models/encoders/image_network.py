@@ -9,10 +9,10 @@ from beartype import beartype
 from torch import Tensor, nn
 
 from fusion_net.data.batch import Batch
-from fusion_net.models.depth_bins import DepthBins
-from fusion_net.models.layers import PRIOR_LOGIT, ConvBlock, ResidualBlock, UpBlock
-from fusion_net.models.lift_splat import pixel_rays
-from fusion_net.models.outputs import ImagePredictions
+from fusion_net.models.blocks.depth_bins import DepthBins
+from fusion_net.models.blocks.layers import PRIOR_LOGIT, ConvBlock, ResidualBlock, UpBlock
+from fusion_net.models.blocks.outputs import ImagePredictions
+from fusion_net.models.encoders.view_transforms import pixel_rays
 
 _PIXEL_MEAN, _PIXEL_STD = 115.0, 65.0
 _INITIAL_LOG_DEPTH = 3.0  # 20 m

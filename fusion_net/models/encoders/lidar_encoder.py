@@ -7,9 +7,9 @@ from torch import Tensor, nn
 
 from fusion_net.common.bev_grid import BEVGrid
 from fusion_net.data.batch import LIDAR_CHANNELS, Batch
-from fusion_net.models.layers import ConvBlock
-from fusion_net.models.lift_splat import to_map
-from fusion_net.models.outputs import Encoded
+from fusion_net.models.blocks.layers import ConvBlock
+from fusion_net.models.blocks.outputs import Encoded
+from fusion_net.models.blocks.splat import to_map
 
 
 class _SegmentMax(torch.autograd.Function):

@@ -129,7 +129,7 @@ class MetricsCSV(pl.Callback):
     @rank_zero_only
     def write(self, step: int, scalars: Mapping[str, float | Tensor]) -> None:
         """Appends a step's scalars; of several processes the first one does."""
-        is_new = not self.path.exists()
+        is_new = not self.path.exists() or not self.path.stat().st_size  # a resumed run may have cut off every row
         with self.path.open("a", newline="", encoding="utf-8") as file:
             writer = csv.writer(file)
             if is_new:

@@ -31,7 +31,7 @@ from data_gen.rig.rig import Rig
 from data_gen.scene.conditions import ConditionMix
 from fusion_net.common.atomic import write_json
 from fusion_net.common.faults import Fault, FaultPlan
-from fusion_net.common.nuscenes_format import MANIFEST_FILE, MAPS, SAMPLES, SWEEPS
+from fusion_net.common.nuscenes_format import FILE_SUFFIX, MANIFEST_FILE, MAPS, SAMPLES, SWEEPS
 from fusion_net.common.random import stream
 
 
@@ -137,7 +137,8 @@ def generate(
     with only_generator(root), _disk_named(root):
         write_json(root / MANIFEST_FILE, manifest)
         make_folders(job)
-        missing = [index for index in splits if not _is_finished(record_path(root, index))]
+        on_disk = _sensor_files(job)
+        missing = [index for index in splits if not _is_finished(record_path(root, index), on_disk)]
         started = time.perf_counter()
         _make_all(job, missing, splits, workers or os.cpu_count() or 1)
         seconds = time.perf_counter() - started
@@ -152,8 +153,7 @@ def generate(
 
 def make_folders(job: Job) -> None:
     """The tree that scenes are written into."""
-    channels = [f"{kind}/{channel}" for kind in (SAMPLES, SWEEPS) for channel in job.rig.sensors]
-    for folder in (*channels, MAPS, "scenes"):
+    for folder in (*_sensor_folders(job), MAPS, "scenes"):
         (Path(job.data.root) / folder).mkdir(parents=True, exist_ok=True)
 
 
@@ -178,12 +178,30 @@ def _manifest(job: Job, settings: dict[str, Any], shard: Shard | None, command: 
     return make_manifest(content, data=data, shard=part, command=command)
 
 
-def _is_finished(record: Path) -> bool:
-    """Whether a scene's record is there and whole: after a power cut a file can be shorter than what was written."""
+def _sensor_files(job: Job) -> set[str]:
+    """Sensor files that are on disk, as the tables name them, without those that are cut to nothing (an empty LiDAR file is
+    an empty cloud)."""
+    root, may_be_empty = Path(job.data.root), FILE_SUFFIX["lidar"]
+    return {
+        f"{folder}/{entry.name}"
+        for folder in _sensor_folders(job)
+        for entry in os.scandir(root / folder)
+        if entry.stat().st_size or entry.name.endswith(may_be_empty)
+    }
+
+
+def _sensor_folders(job: Job) -> list[str]:
+    return [f"{kind}/{channel}" for kind in (SAMPLES, SWEEPS) for channel in job.rig.sensors]
+
+
+def _is_finished(record: Path, on_disk: set[str]) -> bool:
+    """Whether a scene's record is there and whole, and its sensor files too: after a power cut a file can be shorter than
+    what was written, and files get deleted."""
     try:
-        return bool(json.loads(record.read_bytes()))
+        rows = json.loads(record.read_bytes())
     except (FileNotFoundError, ValueError):
         return False
+    return bool(rows) and all(row["filename"] in on_disk for row in rows["sample_data"])
 
 
 @contextmanager

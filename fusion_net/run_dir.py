@@ -20,6 +20,12 @@ from fusion_net.common.settings import differences
 
 LONGEST_NAME = 200
 """Bytes of a folder's name; file systems take 255."""
+FREE_ON_RESUME = (
+    "data.", "dataset.train.root", "dataset.val.root", "dataset.train.version", "dataset.val.version", "dataset.workers",
+    "dataset.cache", "dataset.train.cache", "dataset.val.cache", "trainer.max_minutes", "trainer.save_every",
+    "trainer.accelerator", "trainer.devices", "trainer.strategy",
+)  # fmt: skip
+"""Settings that may change from an interruption to its resumption: where the same data lies, and how fast the run is."""
 
 
 def run_folder(name: str) -> Path:
@@ -48,7 +54,7 @@ def open_run(folder: Path, cfg: DictConfig, *, resume: bool, overwrite: bool, da
     if resume:
         if not (folder / "config.yaml").exists():
             raise ValueError(f"nothing to resume: there is no run {folder}; drop resume=true to start it")
-        _refuse_other_model(folder, cfg)
+        _refuse_other_settings(folder, cfg)
         refuse_other_data(folder, data)
     elif (folder / "config.yaml").exists() and not overwrite:
         raise ValueError(
@@ -210,8 +216,11 @@ def _settings(cfg: DictConfig) -> dict[str, Any]:
     return {key: value for key, value in settings.items() if key not in about_the_folder}
 
 
-def _refuse_other_model(folder: Path, cfg: DictConfig) -> None:
-    old, new = _settings(load_config(folder)), _settings(cfg)
-    for key in ("model", "encoders", "fuser", "grid", "classes"):
-        if key in old and old[key] != new[key]:
-            raise ValueError(f"{folder} was trained with another '{key}'; resume with the same, or pass name=ANOTHER")
+def _refuse_other_settings(folder: Path, cfg: DictConfig) -> None:
+    """ValueError where ``cfg`` would train the run in ``folder`` otherwise than it was begun."""
+    changes = differences(_settings(load_config(folder)), _settings(cfg))
+    changes = [change for change in changes if not change.startswith(FREE_ON_RESUME)]
+    if changes:
+        raise ValueError(
+            f"{folder} was begun with other settings ({'; '.join(changes[:3])}); resume with the same, or pass name=ANOTHER"
+        )

@@ -199,6 +199,17 @@ def test_a_record_that_was_cut_short_is_made_again(tree, rig, tmp_path):
     assert tree_hash(root) == tree_hash(tree)
 
 
+def test_scenes_whose_sensor_files_are_gone_are_made_again(tree, rig, tmp_path):
+    root = tmp_path / "lost"
+    shutil.copytree(tree, root)
+    image, *_ = sorted((root / "samples/CAM_FRONT").glob("*.jpg"))
+    image.unlink()
+    scan = next(iter(sorted((root / "samples/RADAR_FRONT").glob("*.pcd"), reverse=True)))
+    scan.write_bytes(b"")
+    generate(job(root, rig), settings=settings(), workers=1, command=COMMAND)
+    assert tree_hash(root) == tree_hash(tree)
+
+
 @pytest.mark.parametrize(
     ("text", "answer"),
     [

@@ -17,7 +17,14 @@ from fusion_net.run_dir import (
 )
 
 CONFIG = OmegaConf.create(
-    {"model": {"width": 8}, "encoders": ["camera"], "fuser": "concat", "grid": {"cell": 0.8}, "seed": 1}
+    {
+        "model": {"width": 8},
+        "encoders": ["camera"],
+        "fuser": "concat",
+        "grid": {"cell": 0.8},
+        "seed": 1,
+        "data": {"root": "here"},
+    }
 )
 
 
@@ -43,10 +50,16 @@ def test_resume_needs_a_run_of_the_same_model(tmp_path):
     folder = open_run(tmp_path / "a", CONFIG, resume=False, overwrite=False)
     (folder / "checkpoints" / "last.ckpt").write_bytes(b"x")
     (folder / "metrics.csv").write_text("rows")
-    open_run(folder, OmegaConf.merge(CONFIG, {"seed": 2}), resume=True, overwrite=False)
+    open_run(folder, OmegaConf.merge(CONFIG, {"data": {"root": "moved"}}), resume=True, overwrite=False)
     assert (folder / "metrics.csv").read_text() == "rows"
-    with pytest.raises(ValueError, match="another 'model'"):
+    kept = (folder / "config.yaml").read_text()
+    with pytest.raises(
+        ValueError, match=r"other settings \(model.width: .* there, 9 asked for\); resume with the same"
+    ):
         open_run(folder, OmegaConf.merge(CONFIG, {"model": {"width": 9}}), resume=True, overwrite=False)
+    with pytest.raises(ValueError, match=r"other settings \(seed: 1 there, 2 asked for\)"):
+        open_run(folder, OmegaConf.merge(CONFIG, {"seed": 2}), resume=True, overwrite=False)
+    assert (folder / "config.yaml").read_text() == kept
 
 
 def test_a_run_cut_before_its_first_checkpoint_starts_again(tmp_path):

@@ -51,8 +51,9 @@ class DataConfig:
             raise ValueError(f"name={self.name!r} is part of file names: write letters, digits, '_', '-' and '.'")
         if not self.root:
             raise ValueError("root='' names no folder")
-        if self.num_scenes < 1 or self.keyframes < 1:
-            raise ValueError(f"num_scenes={self.num_scenes} and keyframes={self.keyframes} must be at least 1")
+        for key in ("num_scenes", "keyframes"):
+            if getattr(self, key) < 1:
+                raise ValueError(f"{key}={getattr(self, key)} must be at least 1")
         if min(self.split_weights.values(), default=0) < 0 or not any(self.split_weights.values()):
             raise ValueError(f"split_weights {self.split_weights} are negative or all zero")
 

@@ -129,7 +129,7 @@ class ConditionMix:
             raise ValueError(f"condition: weights {self.weights} are negative or all zero")
         levels = max(len(self.presets[name]) for name, weight in self.weights.items() if weight > 0)
         if self.severity is not None and not 1 <= self.severity <= levels:
-            there = "there is only one" if levels == 1 else f"severities are 1 to {levels}, or null for any"
+            there = "1 is the only severity" if levels == 1 else f"severities are 1 to {levels}, or null for any"
             raise ValueError(f"condition.severity={self.severity}: {there}")
 
     def sample(self, rng: np.random.Generator, *, heading: float) -> Condition:

@@ -80,7 +80,7 @@ class NuScenes:
         try:
             yield path
         except ValueError as error:
-            raise ValueError(f"{error}; {name} names this file") from None
+            raise ValueError(f"{error}; {name} names this file; {repair_advice(self.root)}") from None
 
     def name_of(self, table: str, record: Record) -> str:
         """A record as messages name it."""

@@ -11,7 +11,7 @@ PAIRS, AGREES = 300, 0.3
 def ego_motion_fit(rows: np.ndarray, values: np.ndarray) -> tuple[float, float, float]:
     """The two factors of ``rows`` (N, 2) that give most of ``values`` (N,), and the standard error of the second in degrees.
 
-    In dense traffic half of all returns move, and a fit to all of them comes to rest between the road and a lorry. So the
+    In dense traffic half of all returns move, and a fit to all of them settles between the road and a truck. So the
     factors that most agree with are chosen from those of random pairs, as Kellner does, and refined by least squares.
     """
     if len(rows) < 3:

@@ -91,7 +91,8 @@ def check_type(key: str, value: Any, default: Any) -> None:
         if not isinstance(value, kinds) or isinstance(value, bool):
             raise UserError(f"{text} is not a {name}; the default is {default}")
     elif isinstance(default, list) and not isinstance(value, list):
-        raise UserError(f"{text} is not a list; write '{key}=[{value}]'")
+        like_default = [value] * max(len(default), 1) if all(isinstance(x, int | float) for x in default) else [value]
+        raise UserError(f"{text} is not a list; write '{key}={as_override(like_default)}'")
     elif isinstance(default, str) and (value is None or (isinstance(value, list | dict) and key not in LISTS)):
         raise UserError(f"{text} is not a name{'' if default == '???' else f'; the default is {default}'}")
 

@@ -25,7 +25,7 @@ from fusion_net.models.fusion_net import FusionNet
 from fusion_net.models.precision import autocast, resolve
 from fusion_net.run_dir import mark_finished, open_run, resume_step, run_folder
 from fusion_net.training.callbacks import MetricsCSV, PlanCallback, TerminalProgress
-from fusion_net.training.interruption import Interruption
+from fusion_net.training.interruption import Interruption, handlers_restored
 from fusion_net.training.module import DetectorModule
 from fusion_net.training.plan import TrainingPlan
 from fusion_net.training.step_end import AtomicCheckpointIO, AveragedWeights, StepEnd
@@ -86,7 +86,8 @@ def fit(cfg: DictConfig) -> Path:
             f"{folder}: {parameters:.2f} M parameters, {len(train_set)} training and {len(val_set)} validation samples"
         )
     try:
-        trainer.fit(module, batches, ckpt_path=last if first_step else None, weights_only=True)
+        with handlers_restored():
+            trainer.fit(module, batches, ckpt_path=last if first_step else None, weights_only=True)
     except (KeyboardInterrupt, SystemExit):  # the latter is what Lightning makes of the former
         raise KeyboardInterrupt("add resume=true to the same command to go on") from None
     except RuntimeError as error:

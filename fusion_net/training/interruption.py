@@ -3,6 +3,8 @@
 import os
 import signal
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import FrameType
 
 import lightning.pytorch as pl
@@ -34,3 +36,16 @@ class Interruption(pl.Callback):
             os.write(
                 2, b"\nstopping at the end of this step; once more stops at once and loses what came after last.ckpt\n"
             )
+
+
+@contextmanager
+def handlers_restored() -> Iterator[None]:
+    """Brings back the handlers of SIGINT and SIGTERM from before. Lightning ignores Ctrl-C from the first one on, which an
+    interrupted notebook would keep."""
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        if threading.current_thread() is threading.main_thread():
+            for number, handler in before.items():
+                signal.signal(number, handler)

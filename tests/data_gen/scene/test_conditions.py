@@ -97,7 +97,7 @@ def test_drops_and_mist_add_up_to_the_extinction():
         (lambda p: ConditionMix(presets={"clear": [p]}, weights={"claer": 1.0}), "'claer'.*presets are clear"),
         (lambda p: ConditionMix(presets={"clear": [p]}, weights={"clear": 0.0}), "all zero"),
         (lambda p: ConditionMix(presets={"fog": [p, p]}, weights={"fog": 1.0}, severity=3), "severity=3: .* 1 to 2"),
-        (lambda p: ConditionMix(presets={"clear": [p]}, weights={"clear": 1.0}, severity=0), "only one"),
+        (lambda p: ConditionMix(presets={"clear": [p]}, weights={"clear": 1.0}, severity=0), "1 is the only severity"),
         (lambda p: Preset(illuminance=[2.0, 1.0], sun_elevation=[0.0, 1.0]), r"illuminance=\[2.0, 1.0\]"),
         (lambda p: Preset(illuminance=[0.0, 1.0], sun_elevation=[0.0, 1.0]), "above 0"),
         (lambda p: Condition(rain_rate=-1.0), "rain_rate=-1.0"),

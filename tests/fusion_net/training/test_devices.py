@@ -95,7 +95,7 @@ def test_two_processes_take_the_step_that_one_takes_on_both_halves_of_a_batch(da
 def test_two_processes_are_resumed(data, tmp_path):
     first = train(tmp_path, data, "name=a", "trainer.devices=2", "trainer.fusion_steps=1")
     assert first.returncode == 0, first.stderr
-    again = train(tmp_path, data, "name=a", "trainer.devices=2", "resume=true")
+    again = train(tmp_path, data, "name=a", "trainer.devices=2", "trainer.fusion_steps=1", "resume=true")
     assert again.returncode == 0, again.stderr
     state = torch.load(tmp_path / "runs/a/checkpoints/last.ckpt", weights_only=True)
     assert state["global_step"] in (4, 6)

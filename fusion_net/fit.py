@@ -19,7 +19,7 @@ from fusion_net.common.checks import check_names
 from fusion_net.common.cli.command import build
 from fusion_net.common.cli.command_line import command_line
 from fusion_net.data.batch import Batch
-from fusion_net.data.datamodule import NuScenesDataset, StepSampler, make_loader, train_loader
+from fusion_net.data.datamodule import NuScenesDataset, StepSampler, keep_memory, make_loader, train_loader
 from fusion_net.evaluation.scoring import ground_truth
 from fusion_net.models.fusion_net import FusionNet
 from fusion_net.models.precision import autocast, resolve
@@ -38,6 +38,7 @@ def fit(cfg: DictConfig) -> Path:
     if not 0 <= cfg.seed < 2**32:
         raise ValueError(f"seed={cfg.seed} is not within 0 and 2**32 - 1")
     pl.seed_everything(cfg.seed, verbose=False)
+    keep_memory()
     settings = cfg.trainer
     for name in ("batch_size", "validate_every", "save_every"):
         if settings[name] < 1:
@@ -193,7 +194,7 @@ def _trainer(
     warnings.filterwarnings("ignore", module=r"lightning\..*")
     settings = cfg.trainer
     plan_callback, metrics = PlanCallback(plan, seed=cfg.seed), MetricsCSV(folder / "metrics.csv")
-    average = AveragedWeights(decay=settings.ema_decay, use_buffers=True)
+    average = AveragedWeights(decay=settings.ema_decay)
     interruption = Interruption()
     step_end = StepEnd(
         folder / "checkpoints",

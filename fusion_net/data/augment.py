@@ -1,14 +1,14 @@
 """Augmentation of a sample: one matrix for the bird's-eye view, one for the colours.
 
-The bird's-eye matrix (4, 4) turns, mirrors and scales the ego frame, and with it points, boxes, headings, velocities
-and the cameras' ``ego_T_cam``, so that a 3-D point stays on its pixel and its cell. A scaled or mirrored
-``ego_T_cam`` is no rigid motion any more: invert it as a general matrix. Depth labels are metres of the camera and
-stay as they are.
+The colour matrix goes with the sample; the image network applies it, and only while it learns: features of a frozen
+one are those of the images as they are, computed once. The bird's-eye matrix (4, 4) turns, mirrors and scales the ego
+frame, and with it points, boxes, headings, velocities and the cameras' ``ego_T_cam``, so that a 3-D point stays on its
+pixel and its cell. A scaled or mirrored ``ego_T_cam`` is no rigid motion any more: invert it as a general matrix. Depth
+labels are metres of the camera and stay as they are.
 """
 
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 from beartype import beartype
 from numpy.typing import NDArray
@@ -42,7 +42,8 @@ class Augment:
 
     def __call__(self, sample: Sample, rng: np.random.Generator) -> Sample:
         """The sample, changed at random."""
-        return change_colors(change_view(sample, self.random_view(rng)), self.random_colors(rng))
+        changed = change_view(sample, self.random_view(rng))
+        return replace(changed, colors=self.random_colors(rng).astype(np.float32))
 
     def random_view(self, rng: np.random.Generator) -> NDArray[np.float64]:
         """``new_T_ego`` (4, 4)."""
@@ -73,12 +74,3 @@ def change_view(sample: Sample, new_T_ego: NDArray[np.float64]) -> Sample:
         ego_T_cam=new_T_ego @ sample.ego_T_cam,
         boxes=transform_boxes(new_T_ego, sample.boxes),
     )
-
-
-def change_colors(sample: Sample, colors: NDArray[np.float64]) -> Sample:
-    """The sample with its images (0..255) put through a colour matrix (3, 4)."""
-    count, height, width, _ = sample.images.shape
-    if not count or np.array_equal(colors, np.eye(3, 4)):
-        return sample
-    changed = np.asarray(cv2.transform(sample.images.reshape(count * height, width, 3), colors), np.uint8)
-    return replace(sample, images=changed.reshape(sample.images.shape))

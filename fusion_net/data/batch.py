@@ -48,6 +48,7 @@ class Batch:
     lidar_depth: Float[Tensor, "B N h w"]  # nearest LiDAR return per cell, metres along z; 0 where none
     dense_depth: Float[Tensor, "B N h w"] | None = None  # nearest exact depth per cell, 0 where sky; None on real data
     class_map: Int[Tensor, "B N h w"] | None = None  # class index per cell, -1 for no object; None on real data
+    colors: Float[Tensor, "B 3 4"] | None = None  # colour augmentation: (R, G, B, 1) in 0..255 to the RGB to learn from
     targets: Targets | None = None
     boxes: tuple[Boxes, ...] = ()
 

@@ -38,6 +38,7 @@ class Sample:
     dense_depth: NDArray[np.float32] | None  # (N, h, w)
     class_map: NDArray[np.int64] | None  # (N, h, w)
     boxes: Boxes  # labelled objects of the configured classes with at least one LiDAR or radar point
+    colors: NDArray[np.float32] | None = None  # (3, 4) colour augmentation of the images, see augment.py
 
 
 @beartype

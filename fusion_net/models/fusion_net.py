@@ -68,8 +68,9 @@ class FusionNet(nn.Module):
         return Encoded(torch.zeros(shape, device=batch.present.device))
 
     def loss(self, outputs: Outputs, batch: Batch) -> dict[str, Tensor]:
-        """Scalars by name, already weighted; "loss" is their sum."""
-        return self.losses(outputs, batch)
+        """Scalars by name, already weighted; "loss" is their sum. Without the dense losses of a camera that is frozen."""
+        is_frozen = outputs.image is not None and torch.is_grad_enabled() and not outputs.image.features.requires_grad
+        return self.losses(replace(outputs, image=None) if is_frozen else outputs, batch)
 
     def camera_loss(self, batch: Batch) -> dict[str, Tensor]:
         """The camera's dense losses alone, at a third of a step's cost: for the stage before fusion."""

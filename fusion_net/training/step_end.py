@@ -6,8 +6,9 @@ from typing import Any
 
 import lightning.pytorch as pl
 import torch
-from lightning.pytorch.callbacks import EMAWeightAveraging
+from lightning.pytorch.callbacks import WeightAveraging
 from lightning.pytorch.plugins.io import TorchCheckpointIO
+from torch.optim.swa_utils import get_ema_multi_avg_fn
 
 from fusion_net.common.atomic import replacing
 from fusion_net.common.boxes import Boxes
@@ -17,9 +18,18 @@ from fusion_net.training.callbacks import MetricsCSV, PlanCallback
 from fusion_net.training.interruption import Interruption
 
 
-class AveragedWeights(EMAWeightAveraging):
-    """Lightning's moving average of weights and batch norm statistics. A copy of the model holds it, and that copy is
-    what is validated, so the weights in training are never exchanged for it."""
+class AveragedWeights(WeightAveraging):
+    """Exponential moving average of weights and batch norm statistics with ``decay`` per step, taken every ``every`` steps.
+    A copy of the model holds it, and that copy is what is validated, so the weights in training are never exchanged for it.
+    """
+
+    def __init__(self, *, decay: float, every: int = 4) -> None:
+        super().__init__(multi_avg_fn=get_ema_multi_avg_fn(decay**every), use_buffers=True)
+        self.every = every
+
+    def should_update(self, step_idx: int | None = None, epoch_idx: int | None = None) -> bool:
+        """After the first step and every ``every``-th from there."""
+        return step_idx is not None and step_idx % self.every == 0
 
     def on_validation_epoch_start(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
         """Exchanges nothing."""

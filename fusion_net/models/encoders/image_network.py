@@ -16,6 +16,8 @@ from fusion_net.models.encoders.view_transforms import pixel_rays
 
 _PIXEL_MEAN, _PIXEL_STD = 115.0, 65.0
 _INITIAL_LOG_DEPTH = 3.0  # 20 m
+_KEPT_BYTES = 2**31
+"""Of features of a frozen backbone: 46,000 keyframes of the `nano` rig."""
 
 
 class ImageBackbone(nn.Module):
@@ -58,10 +60,12 @@ class ImageNetwork(nn.Module):
         nn.init.constant_(bias[bins.count : -1], PRIOR_LOGIT)
         nn.init.constant_(bias[-1:], _INITIAL_LOG_DEPTH)
         self.frozen = False
+        self._kept: dict[str, Tensor] = {}  # features by sample token, while the backbone is frozen
 
     def freeze(self, frozen: bool) -> None:
         """Stop (or resume) training: no gradients, and batch norms use and keep their running statistics."""
         self.frozen = frozen
+        self._kept = {}
         self.requires_grad_(not frozen)
         self.train(self.training)
 
@@ -74,15 +78,29 @@ class ImageNetwork(nn.Module):
 
     def forward(self, batch: Batch) -> ImagePredictions:
         """Predictions for every image of the batch."""
-        images = batch.images.flatten(0, 1).to(memory_format=torch.channels_last)
-        images = (images.float() - _PIXEL_MEAN) / _PIXEL_STD
         with torch.set_grad_enabled(torch.is_grad_enabled() and not self.frozen):
-            features = self.backbone(images)
+            # Frozen in training, a sample's features are always the same: the augmentations change the rays alone.
+            is_kept = self.frozen and self.training
+            features = self._kept_features(batch) if is_kept else self.backbone(normalized(batch.images, batch.colors))
             rays = self._ray_encoding(batch, features.shape[-2:]).to(features.dtype)
             dense = self.dense_head(torch.cat([features, rays], dim=1)).float()
         features, dense = (x.unflatten(0, batch.images.shape[:2]) for x in (features, dense))
         depth, classes, log_depth = dense.split([self.bins.count, self.classes, 1], dim=2)
         return ImagePredictions(features, depth, classes, log_depth[:, :, 0])
+
+    def _kept_features(self, batch: Batch) -> Tensor:
+        """The backbone's features (B * N, C, h, w) of the images as they are, computed when a sample is first seen.
+
+        Then for the whole batch: the last bits depend on the batch's size, and a resumed run has other samples left to see.
+        """
+        if not all(token in self._kept for token in batch.tokens):
+            features = self.backbone(normalized(batch.images))
+            each = features.unflatten(0, batch.images.shape[:2])
+            if len(self._kept) * each[0].numel() * each.element_size() <= _KEPT_BYTES:
+                self._kept |= {token: value.clone() for token, value in zip(batch.tokens, each, strict=True)}
+            return features
+        kept = torch.cat([self._kept[token] for token in batch.tokens])
+        return kept.contiguous(memory_format=torch.channels_last)
 
     def _ray_encoding(self, batch: Batch, size: torch.Size) -> Tensor:
         """Each feature cell's ray (B * N, 3, h, w): azimuth and slope in the ego frame, and log-depth at the ground.
@@ -99,3 +117,14 @@ class ImageNetwork(nn.Module):
             ground = height.clamp(min=0.1) / (-rays[..., 2]).clamp(min=1e-3)
             ground = ground.clamp(self.bins.low, self.bins.high).log() - _INITIAL_LOG_DEPTH
             return torch.stack([azimuth, slope * 4, ground], dim=2).flatten(0, 1)
+
+
+def normalized(images: Tensor, colors: Tensor | None = None) -> Tensor:
+    """Images (B, N, 3, H, W) in 0..255, put through the colour matrices (B, 3, 4), as the backbone takes them:
+    (B * N, 3, H, W), of mean 0 and deviation 1."""
+    flat = images.flatten(0, 1).float()
+    if colors is not None:
+        each = colors.repeat_interleave(images.shape[1], dim=0)
+        with torch.autocast(flat.device.type, enabled=False):
+            flat = torch.baddbmm(each[:, :, 3:], each[:, :, :3], flat.flatten(2)).clamp(0, 255).view_as(flat)
+    return ((flat - _PIXEL_MEAN) / _PIXEL_STD).contiguous(memory_format=torch.channels_last)

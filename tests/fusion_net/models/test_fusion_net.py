@@ -90,7 +90,7 @@ def test_one_batch_can_be_learned():
     model, batch = small_model(), small_batch(2)
     optimizer = torch.optim.AdamW(model.parameters(), lr=3e-3)
     losses = []
-    for _ in range(15):
+    for _ in range(25):
         terms = model.loss(model(batch), batch)
         optimizer.zero_grad()
         terms["loss"].backward()

@@ -24,7 +24,7 @@ def train(model, optimizer, steps):
 def test_singular_values_come_out_near_one_and_directions_stay(shape):
     torch.manual_seed(1)
     matrix = torch.randn(shape) * 1e-3
-    result = orthogonalized(matrix)
+    (result,) = orthogonalized([matrix])
     values = torch.linalg.svdvals(result)
     assert values.min() > 0.5
     assert values.max() < 1.35
@@ -53,7 +53,7 @@ def test_a_muon_step_is_as_long_as_an_adam_step():
 def test_without_muon_it_is_adamw():
     one, two = small_net(), small_net()
     groups = [{"params": list(two.parameters()), "weight_decay": 0.01}]
-    train(one, torch.optim.AdamW(one.parameters(), lr=1e-2, weight_decay=0.01), 5)
+    train(one, torch.optim.AdamW(one.parameters(), lr=1e-2, weight_decay=0.01, fused=True), 5)
     train(two, MuonAdamW(groups, lr=1e-2), 5)
     for a, b in zip(one.parameters(), two.parameters(), strict=True):
         torch.testing.assert_close(a, b, rtol=0, atol=0)
@@ -70,3 +70,14 @@ def test_saved_state_goes_on_exactly():
     train(other, resumed, 3)
     for a, b in zip(model.parameters(), other.parameters(), strict=True):
         torch.testing.assert_close(a, b, rtol=0, atol=0)
+
+
+def test_matrices_made_orthogonal_together_come_out_as_each_alone():
+    torch.manual_seed(4)
+    matrices = [torch.randn(shape) for shape in ((24, 90), (90, 24), (24, 24), (32, 60), (24, 90))]
+    for together, matrix in zip(orthogonalized(matrices), matrices, strict=True):
+        torch.testing.assert_close(together, orthogonalized([matrix])[0])
+
+
+def test_a_kernel_of_zeros_stays_finite():
+    assert orthogonalized([torch.zeros(24, 90)])[0].isfinite().all()

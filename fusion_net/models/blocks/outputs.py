@@ -28,7 +28,7 @@ class Encoded:
 
 @dataclass(frozen=True)
 class Outputs:
-    """Maps of the head (see ``center_head.REGRESSIONS``), and the image predictions if the camera took part."""
+    """Maps of the head (see ``center_head.regressions``), and the image predictions if the camera took part."""
 
     maps: dict[str, Tensor]
     image: ImagePredictions | None = None

@@ -127,7 +127,7 @@ def test_mismatched_channels_are_reported():
 
 def test_the_shipped_configuration_builds():
     model = load_model(
-        fuser="channel_weight", encoders=["camera", "radar"], depth_supervision="lidar", classes=["car", "bus"]
+        "fuser=channel_weight", "encoders=[camera,radar]", "depth_supervision=lidar", "classes=[car,bus]"
     )
     assert list(model.encoders) == ["camera", "radar"]
     assert sum(p.numel() for p in model.parameters()) < 3e6

@@ -24,6 +24,8 @@ class FusionNet(nn.Module):
     All BEV maps between the parts have ``bev_channels`` channels.
     """
 
+    built: Tensor  # (M,) which sensors the model has an encoder for
+
     def __init__(
         self,
         *,
@@ -48,11 +50,15 @@ class FusionNet(nn.Module):
         self.encoders = nn.ModuleDict({name: encoders[name] for name in MODALITIES if name in modalities})
         self.fuser, self.decoder, self.head, self.losses = fuser, decoder, head, losses
         self.columns = [MODALITIES.index(name) for name in self.encoders]
+        self.register_buffer("built", torch.tensor([name in self.encoders for name in MODALITIES]), persistent=False)
         self.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
 
     def forward(self, batch: Batch, present: Tensor | None = None) -> Outputs:
-        """Maps of a batch. ``present`` (B, M) overrules the batch's: modality dropout, or a row of the drop table."""
-        batch = batch if present is None else replace(batch, present=present)
+        """Maps of a batch. ``present`` (B, M) overrules the batch's: modality dropout, or a row of the drop table.
+
+        A sensor without an encoder is absent, whatever the data holds: no other encoder may read it in its place.
+        """
+        batch = replace(batch, present=(batch.present if present is None else present) & self.built)
         present = batch.present[:, self.columns]
         encoded = {
             name: encoder(batch) if present[:, i].any() else self._absent(batch)

@@ -103,6 +103,22 @@ def test_an_absent_lidar_gives_no_depth():
     torch.testing.assert_close(with_depth["heatmap"][0], everything["heatmap"][0])
 
 
+def test_a_camera_alone_is_given_no_depth_by_the_lidar_of_the_data():
+    """A model without a LiDAR does not read the batch's by way of ``depth_source=lidar``."""
+    model, batch = small_model(depth_source="lidar", names=["camera"]).eval(), small_batch()
+    with torch.no_grad():
+        with_returns = model(batch).maps
+        without = model(replace(batch, lidar_depth=torch.zeros_like(batch.lidar_depth))).maps
+    for name in with_returns:
+        assert torch.equal(with_returns[name], without[name])
+
+
+def test_the_lidar_may_teach_depth_where_it_is_absent_as_an_input():
+    model, batch = small_model(depth_source="lidar", depth_supervision="lidar"), small_batch()
+    absent = batch.present & (torch.arange(3) != MODALITIES.index("lidar"))
+    assert model.loss(model(batch, absent), batch)["loss/depth"] > 0
+
+
 @pytest.mark.parametrize("view", [backward_projection, LiftSplat])
 def test_detection_losses_reach_the_depth_distribution(view):
     """Without any depth loss, the gradient still reaches the depth distribution through the lift."""

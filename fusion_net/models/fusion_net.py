@@ -13,7 +13,7 @@ from fusion_net.data.batch import Batch
 from fusion_net.models.blocks.outputs import Encoded, Outputs
 from fusion_net.models.center_head import CenterHead
 from fusion_net.models.encoders.camera_encoder import CameraEncoder
-from fusion_net.models.fuser import AverageFuser, ConcatFuser
+from fusion_net.models.fuser import Fuser
 from fusion_net.models.losses import DetectionLoss
 
 
@@ -33,7 +33,7 @@ class FusionNet(nn.Module):
         bev_channels: int,
         modalities: list[str],
         encoders: dict[str, nn.Module],
-        fuser: ConcatFuser | AverageFuser,
+        fuser: Fuser,
         decoder: nn.Module,
         head: CenterHead,
         losses: DetectionLoss,

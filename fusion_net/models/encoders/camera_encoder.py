@@ -46,7 +46,7 @@ class CameraEncoder(nn.Module):
         self.lift_class_scores, self.point_scores = lift_class_scores, point_scores
         classes = image_network.classes if lift_class_scores else 0
         lifted = image_network.features + (classes + 1 if lift_class_scores else 0)
-        inputs = view_transform.num_heights * lifted + classes
+        inputs = view_transform.num_layers * lifted + classes
         inputs += 2 * (image_network.classes + 1) if point_scores else 0
         self.reduce = ConvBlock(inputs, channels, kernel=1)
         self.refine = ConvBlock(channels, channels)

@@ -8,12 +8,12 @@ import torch
 
 from fusion_net.common.nuscenes_format import MODALITIES
 from fusion_net.models.blocks.depth_bins import DepthBins
+from fusion_net.models.encoders.lift_splat import LiftSplat
 from fusion_net.models.encoders.radar_encoder import RASTER_CHANNELS, rasterize
-from fusion_net.models.encoders.view_transforms import LiftSplat
 from tests.fixtures.small_model import (
     CHANNELS,
     GRID,
-    backward_projection,
+    VIEWS,
     camera_encoder,
     lidar_encoder,
     small_batch,
@@ -119,7 +119,7 @@ def test_the_lidar_may_teach_depth_where_it_is_absent_as_an_input():
     assert model.loss(model(batch, absent), batch)["loss/depth"] > 0
 
 
-@pytest.mark.parametrize("view", [backward_projection, LiftSplat])
+@pytest.mark.parametrize("view", [VIEWS[name] for name in VIEWS if name != "bilinear"])
 def test_detection_losses_reach_the_depth_distribution(view):
     """Without any depth loss, the gradient still reaches the depth distribution through the lift."""
     model, batch = small_model(view=view, names=["camera"]), small_batch()

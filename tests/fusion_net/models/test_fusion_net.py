@@ -7,13 +7,12 @@ import torch
 
 from fusion_net.common.nuscenes_format import MODALITIES
 from fusion_net.models.encoders.radar_encoder import RadarEncoder
-from fusion_net.models.encoders.view_transforms import LiftSplat
 from fusion_net.models.fusion_net import FusionNet
-from tests.fixtures.random_batch import load_model
+from tests.fixtures.random_batch import load_model, random_batch
 from tests.fixtures.small_model import (
     CHANNELS,
     GRID,
-    backward_projection,
+    VIEWS,
     small_batch,
     small_model,
 )
@@ -34,7 +33,7 @@ def single(batch, i):
     )
 
 
-@pytest.mark.parametrize("view", [backward_projection, LiftSplat])
+@pytest.mark.parametrize("view", VIEWS.values(), ids=VIEWS)
 def test_a_batch_is_its_samples(view):
     model, batch = small_model(view=view).eval(), small_batch(cameras=2)
     with torch.no_grad():
@@ -123,6 +122,16 @@ def test_mismatched_channels_are_reported():
             head=model.head,
             losses=model.losses,
         )
+
+
+@pytest.mark.parametrize("view", ["lift_splat", "backward_projection", "bilinear", "attention"])
+def test_every_view_transform_is_a_switch(view):
+    model = load_model(f"view_transform={view}", "encoders=[camera]")
+    batch = random_batch(1, grid=model.grid, image=(32, 64), lidar=0, radar=0)
+    outputs = model(batch)
+    model.loss(outputs, batch)["loss"].backward()
+    lift = model.encoders["camera"].view_transform
+    assert all(p.grad is not None and p.grad.isfinite().all() for p in lift.parameters())
 
 
 def test_the_shipped_configuration_builds():

@@ -29,7 +29,8 @@ class CenterHead(nn.Module):
     """(B, channels, Y, X) to maps: "heatmap" logits (B, K, Y, X) and ``regressions``; ``decode`` turns maps into boxes.
 
     ``heading``: one of HEADINGS. ``nms_radius``: metres, by class, within which a second centre of the same class is taken
-    for the same object.
+    for the same object. ``variance_penalty`` k: scores are multiplied by exp(-k sigma) with the standard deviation sigma of
+    the centre in metres, so that of two equally likely objects the better placed one comes first.
     """
 
     radius: Tensor  # (K,) metres
@@ -46,6 +47,7 @@ class CenterHead(nn.Module):
         max_boxes: int,
         min_score: float,
         nms_radius: dict[str, float],
+        variance_penalty: float,
     ) -> None:
         super().__init__()
         unknown = [name for name in classes if name not in CLASSES]
@@ -55,7 +57,10 @@ class CenterHead(nn.Module):
             )
         if missing := [name for name in classes if name not in nms_radius]:
             raise ValueError(f"center head: nms_radius has no value for {', '.join(missing)}")
+        if not 0 <= variance_penalty < math.inf:
+            raise ValueError(f"center head: variance_penalty={variance_penalty} must be a finite number of at least 0")
         self.grid, self.max_boxes, self.min_score = grid, max_boxes, min_score
+        self.num_classes, self.variance_penalty = len(classes), variance_penalty
         self.regressions = regressions(heading)
         self.heatmap = nn.Sequential(ConvBlock(channels, hidden), nn.Conv2d(hidden, len(classes), 1))
         self.box = nn.Sequential(ConvBlock(channels, hidden), nn.Conv2d(hidden, sum(self.regressions.values()), 1))
@@ -73,7 +78,11 @@ class CenterHead(nn.Module):
     def decode(self, maps: dict[str, Tensor]) -> list[Boxes]:
         """Boxes of each sample in the ego frame, best first: peaks of 3 x 3 cells, top ``max_boxes``, circle NMS."""
         heat = maps["heatmap"].float().nan_to_num(nan=-math.inf).sigmoid()
-        peaks = torch.where(F.max_pool2d(heat, 3, stride=1, padding=1) == heat, heat, -1.0).flatten(1)
+        is_peak = F.max_pool2d(heat, 3, stride=1, padding=1) == heat
+        if self.variance_penalty:
+            sigma = maps["log_variance"].float().nan_to_num().clamp(-12.0, 12.0).exp().mean(dim=1, keepdim=True).sqrt()
+            heat = heat * (-self.variance_penalty * sigma).exp()
+        peaks = torch.where(is_peak, heat, -1.0).flatten(1)
         score, flat = peaks.topk(min(self.max_boxes, peaks.shape[1]), dim=1)  # (B, K)
         rows, columns = self.grid.shape
         label = torch.div(flat, rows * columns, rounding_mode="floor")

@@ -16,7 +16,7 @@ from fusion_net.models.blocks.outputs import ImagePredictions, Outputs
 REGRESSED = ("offset", "height", "size", "rot", "axis", "velocity")
 """Box maps that are learned by an L1 loss, where the head has them."""
 
-WEIGHTS = ("heatmap", *REGRESSED, "direction", "log_variance", "depth", "log_depth", "classes")
+WEIGHTS = ("heatmap", *REGRESSED, "direction", "log_variance", "aux_heatmap", "depth", "log_depth", "classes")
 """Names of the weighted losses: those of the bird's-eye view, then those of the image plane."""
 
 SYMMETRIC = ("barrier", "traffic_cone")
@@ -117,7 +117,7 @@ class DetectionLoss:
 
     def __call__(self, outputs: Outputs, batch: Batch) -> dict[str, Tensor]:
         """All terms that the batch has labels for, and their sum as "loss"."""
-        terms = self.box_terms(outputs.maps, batch.targets)
+        terms = self.box_terms(outputs.maps, batch.targets) | self.view_terms(outputs.views, batch.targets)
         if outputs.image is not None:
             terms |= self.image_terms(outputs.image, batch)
         return self.total(terms)
@@ -159,6 +159,13 @@ class DetectionLoss:
             terms["direction"] = binary_loss(around("direction")[..., 0][has_front], forwards[has_front])
         terms["log_variance"] = center_nll(maps, targets, cell=self.cell, radius=self.peak_radius)
         return self._weighted(terms)
+
+    def view_terms(self, views: dict[str, tuple[Tensor, Tensor]], targets: Targets | None) -> dict[str, Tensor]:
+        """The heat map loss of each encoder's own map, over the samples that have the sensor, as a mean over sensors."""
+        if targets is None or not views:
+            return {}
+        each = [focal_loss(logits[there], targets.heatmap[there]) for logits, there in views.values()]
+        return self._weighted({"aux_heatmap": torch.stack(each).mean()})
 
     def image_terms(self, image: ImagePredictions, batch: Batch) -> dict[str, Tensor]:
         """Terms of the image plane; LiDAR supervises depth whether or not the model has the LiDAR as an input."""

@@ -15,6 +15,7 @@ NMS_RADIUS = {"truck": 3.5, "pedestrian": 0.4}
 
 def head(**options) -> CenterHead:
     settings = {"classes": CLASSES, "heading": "axis", "max_boxes": 100, "min_score": 0.0, "nms_radius": NMS_RADIUS}
+    settings["variance_penalty"] = 0.0
     return CenterHead(grid=GRID, channels=4, hidden=4, **settings | options)
 
 
@@ -84,6 +85,19 @@ def test_best_first_and_capped():
     for boxes in head(max_boxes=30).decode(maps):
         assert 0 < len(boxes) <= 30
         assert (np.diff(boxes.score) <= 0).all()
+
+
+def test_a_variance_penalty_prefers_the_better_placed_of_two():
+    """Score times exp(-k sigma); at k = 0 the scores are those of the heat map."""
+    maps = perfect_maps([[10.0, 0.0, 1.0], [30.0, 0.0, 1.0]], [0, 0], [2.0, 1.9])
+    row, column, _ = GRID.rows_columns(torch.tensor([10.0, 0.0]))
+    maps["log_variance"][0, :, row, column] = 2 * torch.tensor(1.5).log()
+    plain, penal = (head(min_score=0.1, variance_penalty=k).decode(maps)[0] for k in (0.0, 0.4))
+    np.testing.assert_allclose(plain.center[:, 0], [10.0, 30.0], atol=1e-4)
+    np.testing.assert_allclose(penal.center[:, 0], [30.0, 10.0], atol=1e-4)
+    assert penal.score[1] == pytest.approx(plain.score[0] * np.exp(-0.4 * 1.5), rel=1e-5)
+    with pytest.raises(ValueError, match=r"variance_penalty=-1\.0 must be"):
+        head(variance_penalty=-1.0)
 
 
 def test_empty_maps_and_nan_logits_give_no_boxes():

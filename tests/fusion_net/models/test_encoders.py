@@ -9,7 +9,7 @@ import torch
 from fusion_net.common.nuscenes_format import MODALITIES
 from fusion_net.models.blocks.depth_bins import DepthBins
 from fusion_net.models.encoders.lift_splat import LiftSplat
-from fusion_net.models.encoders.radar_encoder import RASTER_CHANNELS, rasterize
+from fusion_net.models.encoders.radar_encoder import RASTER_CHANNELS, RadarEncoder, radial_velocity, rasterize
 from tests.fixtures.small_model import (
     CHANNELS,
     GRID,
@@ -58,6 +58,49 @@ def test_raster_channels_mean_what_they_say():
     assert cell["dx"] * GRID.cell == pytest.approx(5.05 - center[0].item(), abs=1e-5)
     assert image[0].abs().sum() == 0
     assert (image[1] != 0).any(0).sum() == 1
+
+
+@pytest.mark.parametrize(("kept", "column"), [(("occupancy", "vx", "vy"), 3), (("occupancy", "rcs", "rcs_max"), 4)])
+def test_what_a_left_out_channel_holds_does_not_reach_the_map(kept, column):
+    encoder, batch = RadarEncoder(grid=GRID, channels=CHANNELS, raster_channels=list(kept)).eval(), small_batch()
+    changed = batch.radar_points.clone()
+    changed[:, column] += 3.0
+    everything = RadarEncoder(grid=GRID, channels=CHANNELS, raster_channels=list(RASTER_CHANNELS)).eval()
+    for radar, is_same in ((encoder, True), (everything, False)):
+        with torch.no_grad():
+            first, second = radar(batch).bev, radar(replace(batch, radar_points=changed)).bev
+        assert torch.equal(first, second) == is_same
+
+
+@pytest.mark.parametrize(
+    ("names", "message"),
+    [(["rsc"], "no channel 'rsc'; choose from occupancy"), ([], "each once"), (["vx", "vx"], "each once")],
+)
+def test_wrong_radar_channels_are_named(names, message):
+    with pytest.raises(ValueError, match=message):
+        RadarEncoder(grid=GRID, channels=CHANNELS, raster_channels=names)
+
+
+def test_the_radial_velocity_is_known_around_a_detection_and_nowhere_else():
+    batch = small_batch(1, radar=0)
+    points = torch.tensor([[10.1, 3.3, 0.5, 0.0, 4.0, -1.0, 0.1]])
+    batch = replace(batch, radar_points=points, radar_batch=torch.zeros(1).int())
+    velocity = radial_velocity(batch, GRID)
+    row, column, _ = GRID.rows_columns(points[0, :2])
+    around = torch.zeros(GRID.shape, dtype=torch.bool)
+    around[row - 2 : row + 3, column - 2 : column + 3] = True
+    torch.testing.assert_close(velocity[0, :, around], torch.tensor([[4.0], [-1.0]]).expand(2, 25))
+    assert not velocity[0, :, ~around].any()
+
+
+@pytest.mark.parametrize("value", [99.0, torch.nan])
+def test_an_absent_radar_has_no_radial_velocity(value):
+    batch = small_batch()
+    batch.radar_points[batch.radar_batch == 1] = value
+    batch.present[1, MODALITIES.index("radar")] = False
+    velocity = radial_velocity(batch, GRID)
+    assert velocity[0].any()
+    assert not velocity[1].any()
 
 
 def test_lidar_ignores_the_order_of_points():

@@ -143,8 +143,9 @@ def test_each_weight_scales_its_own_term(changed):
     """Twice the weight is twice that term and leaves the others; NaN velocities and empty cells included."""
     batch = random_batch(2, grid=GRID, image=(32, 64), lidar=0, radar=0, classes=2)
     maps, image = _random_maps(), _predictions(batch)
-    terms = detection_loss()(Outputs(maps, image), batch)
-    doubled = detection_loss(weights=dict.fromkeys(WEIGHTS, 0.5) | {changed: 1})(Outputs(maps, image), batch)
+    outputs = Outputs(maps, image, {"lidar": (maps["heatmap"] + 1, torch.tensor([True, False]))})
+    terms = detection_loss()(outputs, batch)
+    doubled = detection_loss(weights=dict.fromkeys(WEIGHTS, 0.5) | {changed: 1})(outputs, batch)
     assert set(terms) == {"loss", *(f"loss/{name}" for name in WEIGHTS)}
     for name in WEIGHTS:
         assert doubled[f"loss/{name}"] == terms[f"loss/{name}"] * (2 if name == changed else 1)

@@ -22,6 +22,16 @@ def _masked(bev: dict[str, Tensor], present: Tensor) -> list[Tensor]:
     return [x.masked_fill(absent[:, i], 0.0) if absent[:, i].any() else x for i, x in enumerate(bev.values())]
 
 
+def _sum(maps: list[Tensor]) -> Tensor:
+    return sum(maps[1:], maps[0])
+
+
+def _aligned(bev: dict[str, Tensor], present: Tensor, align: nn.ModuleDict) -> list[Tensor]:
+    """The maps put through ``align``, with absent ones zeroed on both sides of it: its batch norms see none of them."""
+    masked = zip(bev, _masked(bev, present), strict=True)
+    return _masked({name: align[name](x) for name, x in masked}, present)
+
+
 @beartype
 class ConcatFuser(nn.Module):
     """Concatenation with one presence flag per sensor, mixed by a 1x1 convolution.
@@ -65,15 +75,89 @@ class AverageFuser(nn.Module):
 
     def forward(self, bev: dict[str, Tensor], present: Tensor) -> Tensor:
         """Maps by sensor and ``present`` (B, M) in the same order to one map."""
-        aligned = {name: self.align[name](x) for name, x in bev.items()}
         weights = self.weights(present)[..., None, None]
-        return torch.stack([x * weights[:, i] for i, x in enumerate(_masked(aligned, present))]).sum(dim=0)
+        maps = _aligned(bev, present, self.align)
+        return torch.stack([x * weights[:, i] for i, x in enumerate(maps)]).sum(dim=0)
+
+
+@beartype
+class GatedFuser(nn.Module):
+    """The sum over the present sensors, each weighted by a gate of its own in every cell.
+
+    The gate, a sigmoid, sees all maps and which sensors are there (Kim et al. 2018, "Robust deep multi-modal learning based
+    on gated information fusion network"), so one sensor may be trusted near and another far, or in fog.
+    """
+
+    def __init__(self, *, modalities: list[str], channels: int) -> None:
+        super().__init__()
+        self.channels = channels
+        self.align = nn.ModuleDict({name: ConvBlock(channels, channels, kernel=1) for name in modalities})
+        self.gate = nn.Conv2d(len(modalities) * channels, len(modalities), 1)
+        self.flags = nn.Linear(len(modalities), len(modalities), bias=False)
+
+    def weights(self, maps: list[Tensor], present: Tensor) -> Tensor:
+        """Gates (B, M, Y, X) of masked maps, in [0, 1]; exactly 0 of an absent sensor."""
+        flags = self.flags(present.to(self.flags.weight.dtype))[:, :, None, None]
+        gates = (self.gate(torch.cat(maps, dim=1)) + flags).sigmoid()
+        return gates * present[:, :, None, None]
+
+    def forward(self, bev: dict[str, Tensor], present: Tensor) -> Tensor:
+        """Maps by sensor and ``present`` (B, M) in the same order to one map."""
+        maps = _aligned(bev, present, self.align)
+        weights = self.weights(maps, present)
+        return _sum([x * weights[:, i : i + 1] for i, x in enumerate(maps)])
+
+
+@beartype
+class CrossAttentionFuser(nn.Module):
+    """Attention in every cell over the sensors' features there as tokens, the absent ones masked.
+
+    The query is a learned one plus what the cell holds on average (as UniBEV's and CMT's queries gather from whichever
+    sensors there are, Wang et al. 2024, Yan et al. 2023, here cell by cell); a token's key knows its sensor. With one sensor
+    the weights are exactly 1, and without any the result is that of an empty sum.
+    """
+
+    def __init__(self, *, modalities: list[str], channels: int, heads: int = 4) -> None:
+        super().__init__()
+        if channels % heads:
+            raise ValueError(f"fuser: {channels} channels do not divide into {heads} heads")
+        self.channels, self.heads = channels, heads
+        self.align = nn.ModuleDict({name: ConvBlock(channels, channels, kernel=1) for name in modalities})
+        self.query = nn.Conv2d(channels, channels, 1)
+        self.key = nn.Conv2d(channels, channels, 1, bias=False)
+        self.sensor = nn.Parameter(torch.randn(len(modalities), channels) * channels**-0.5)
+        self.value = nn.Conv2d(channels, channels, 1, bias=False)
+        self.output = ConvBlock(channels, channels, kernel=1)
+
+    def weights(self, maps: list[Tensor], present: Tensor) -> Tensor:
+        """Attention (B, M, heads, Y, X) to masked maps; sums to 1 over the present sensors, all 0 where there is none."""
+        there = present.sum(dim=1).clamp(min=1).to(maps[0].dtype)[:, None, None, None]
+        query = self.query(_sum(maps) / there)
+        keys = [self.key(x) + of[:, None, None] for x, of in zip(maps, self.sensor, strict=True)]
+        split = (self.heads, self.channels // self.heads)
+        logits = torch.stack([(query * key).unflatten(1, split).sum(dim=2) for key in keys], dim=1).float()
+        logits = logits / split[1] ** 0.5
+        return logits.masked_fill(~present[:, :, None, None, None], -torch.inf).softmax(dim=1).nan_to_num()
+
+    def forward(self, bev: dict[str, Tensor], present: Tensor) -> Tensor:
+        """Maps by sensor and ``present`` (B, M) in the same order to one map."""
+        maps = _aligned(bev, present, self.align)
+        weights = self.weights(maps, present).to(maps[0].dtype)[:, :, :, None]
+        split = (self.heads, self.channels // self.heads)
+        values = [self.value(x).unflatten(1, split) * weights[:, i] for i, x in enumerate(maps)]
+        return self.output(_sum(values).flatten(1, 2))
+
+
+Fuser = ConcatFuser | AverageFuser | GatedFuser | CrossAttentionFuser
 
 
 @beartype
 def make_fuser(
-    kind: Literal["concat", "average", "channel_weight"], *, modalities: list[str], channels: int
-) -> ConcatFuser | AverageFuser:
+    kind: Literal["concat", "average", "channel_weight", "gated", "cross_attention"],
+    *,
+    modalities: list[str],
+    channels: int,
+) -> Fuser:
     """The fuser that a configuration names, for the sensors that it keeps."""
     wrong = [f"{name!r} is no sensor" for name in modalities if name not in MODALITIES]
     wrong += [f"{name!r} is there twice" for name in modalities if modalities.count(name) > 1]
@@ -82,4 +166,8 @@ def make_fuser(
         raise ValueError(f"encoders: {wrong[0]}; choose from {', '.join(MODALITIES)}")
     if kind == "concat":
         return ConcatFuser(modalities=modalities, channels=channels)
+    if kind == "gated":
+        return GatedFuser(modalities=modalities, channels=channels)
+    if kind == "cross_attention":
+        return CrossAttentionFuser(modalities=modalities, channels=channels)
     return AverageFuser(modalities=modalities, channels=channels, weighted=kind == "channel_weight")

@@ -1,6 +1,7 @@
 """The detector, as the picture in the README: encoders, one bird's-eye view, a fuser, a decoder, a head."""
 
 from dataclasses import replace
+from typing import Literal
 
 import torch
 from beartype import beartype
@@ -10,10 +11,12 @@ from fusion_net.common.bev_grid import BEVGrid
 from fusion_net.common.boxes import Boxes
 from fusion_net.common.nuscenes_format import MODALITIES
 from fusion_net.data.batch import Batch
+from fusion_net.models.blocks.layers import PRIOR_LOGIT
 from fusion_net.models.blocks.outputs import Encoded, Outputs
 from fusion_net.models.center_head import CenterHead
 from fusion_net.models.encoders.camera_encoder import CameraEncoder
-from fusion_net.models.fuser import AverageFuser, ConcatFuser
+from fusion_net.models.encoders.radar_encoder import radial_velocity
+from fusion_net.models.fuser import Fuser
 from fusion_net.models.losses import DetectionLoss
 
 
@@ -21,8 +24,12 @@ from fusion_net.models.losses import DetectionLoss
 class FusionNet(nn.Module):
     """Mid-level fusion. ``encoders``: by the names of MODALITIES; ``modalities`` keeps some of them.
 
-    All BEV maps between the parts have ``bev_channels`` channels.
+    All BEV maps between the parts have ``bev_channels`` channels. ``velocity``: what the head regresses, the velocity or
+    what is to be added to the radar's radial one, where there is radar. Where the losses weigh ``aux_heatmap``, each
+    encoder's own map gets a heat map head for training.
     """
+
+    built: Tensor  # (M,) which sensors the model has an encoder for
 
     def __init__(
         self,
@@ -31,10 +38,11 @@ class FusionNet(nn.Module):
         bev_channels: int,
         modalities: list[str],
         encoders: dict[str, nn.Module],
-        fuser: ConcatFuser | AverageFuser,
+        fuser: Fuser,
         decoder: nn.Module,
         head: CenterHead,
         losses: DetectionLoss,
+        velocity: Literal["direct", "radar_residual"],
     ) -> None:
         super().__init__()
         for name in modalities:
@@ -47,12 +55,21 @@ class FusionNet(nn.Module):
         self.grid, self.bev_channels = grid, bev_channels
         self.encoders = nn.ModuleDict({name: encoders[name] for name in MODALITIES if name in modalities})
         self.fuser, self.decoder, self.head, self.losses = fuser, decoder, head, losses
+        self.adds_radar_velocity = velocity == "radar_residual" and "radar" in modalities
+        self.views = nn.ModuleDict()
+        for name in self.encoders if losses.weights["aux_heatmap"] > 0 else ():
+            self.views[name] = nn.Conv2d(bev_channels, head.num_classes, 1)
+            nn.init.constant_(self.views[name].get_parameter("bias"), PRIOR_LOGIT)
         self.columns = [MODALITIES.index(name) for name in self.encoders]
+        self.register_buffer("built", torch.tensor([name in self.encoders for name in MODALITIES]), persistent=False)
         self.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
 
     def forward(self, batch: Batch, present: Tensor | None = None) -> Outputs:
-        """Maps of a batch. ``present`` (B, M) overrules the batch's: modality dropout, or a row of the drop table."""
-        batch = batch if present is None else replace(batch, present=present)
+        """Maps of a batch. ``present`` (B, M) overrules the batch's: modality dropout, or a row of the drop table.
+
+        A sensor without an encoder is absent, whatever the data holds: no other encoder may read it in its place.
+        """
+        batch = replace(batch, present=(batch.present if present is None else present) & self.built)
         present = batch.present[:, self.columns]
         encoded = {
             name: encoder(batch) if present[:, i].any() else self._absent(batch)
@@ -60,7 +77,18 @@ class FusionNet(nn.Module):
         }
         fused = self.fuser({name: x.bev for name, x in encoded.items()}, present)
         maps = self.head(self.decoder(fused))
-        return Outputs(maps, image=next((x.image for x in encoded.values() if x.image is not None), None))
+        if self.adds_radar_velocity:
+            maps["velocity"] = maps["velocity"] + radial_velocity(batch, self.grid)
+        image = next((x.image for x in encoded.values() if x.image is not None), None)
+        return Outputs(maps, image, self._views(encoded, present) if self.training else {})
+
+    def _views(self, encoded: dict[str, Encoded], present: Tensor) -> dict[str, tuple[Tensor, Tensor]]:
+        """What each sensor that any sample has says alone."""
+        return {
+            name: (self.views[name](x.bev).float(), present[:, i])
+            for i, (name, x) in enumerate(encoded.items())
+            if name in self.views and present[:, i].any()
+        }
 
     def _absent(self, batch: Batch) -> Encoded:
         """In place of a sensor that no sample of the batch has: the encoder's time is saved, as the drop table shows."""

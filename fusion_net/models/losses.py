@@ -10,13 +10,17 @@ from torch import Tensor
 
 from fusion_net.data.batch import Batch, Targets
 from fusion_net.models.blocks.depth_bins import DepthBins
+from fusion_net.models.blocks.heading import axis_of, is_forwards
 from fusion_net.models.blocks.outputs import ImagePredictions, Outputs
 
-REGRESSED = ("offset", "height", "size", "rot", "velocity")
-"""Box maps that are learned by an L1 loss."""
+REGRESSED = ("offset", "height", "size", "rot", "axis", "velocity")
+"""Box maps that are learned by an L1 loss, where the head has them."""
 
-WEIGHTS = ("heatmap", *REGRESSED, "log_variance", "depth", "log_depth", "classes")
+WEIGHTS = ("heatmap", *REGRESSED, "direction", "log_variance", "aux_heatmap", "depth", "log_depth", "classes")
 """Names of the weighted losses: those of the bird's-eye view, then those of the image plane."""
+
+SYMMETRIC = ("barrier", "traffic_cone")
+"""Classes whose two ends look the same: nuScenes scores barriers' headings modulo pi, and cones' not at all."""
 
 
 def focal_loss(logits: Tensor, heatmap: Tensor) -> Tensor:
@@ -36,6 +40,11 @@ def masked_l1(values: Tensor, target: Tensor) -> Tensor:
     known = target.isfinite()
     error = torch.where(known, values - torch.where(known, target, 0.0), 0.0).abs()
     return error.sum() / known.all(dim=1).sum().clamp(min=1)
+
+
+def binary_loss(logits: Tensor, truth: Tensor) -> Tensor:
+    """Mean cross-entropy of logits (M,) and bools (M,); 0 where there are none."""
+    return F.binary_cross_entropy_with_logits(logits, truth.to(logits), reduction="sum") / max(len(logits), 1)
 
 
 def center_nll(maps: dict[str, Tensor], targets: Targets, *, cell: float, radius: int) -> Tensor:
@@ -81,7 +90,7 @@ def depth_loss(logits: Tensor, depth: Tensor, weight: Tensor, bins: DepthBins) -
 
 @beartype
 class DetectionLoss:
-    """Weighted losses by name: ``weights`` has one for each of WEIGHTS.
+    """Weighted losses by name: ``weights`` has one for each of WEIGHTS; ``classes`` are those of the heat map.
 
     ``depth_supervision``: "none", "lidar" (the feature cells that a return falls on) or "dense" (exact depth, where
     generated). A box is regressed in the cells up to ``box_radius`` from the object's own cell, since its peak may come to
@@ -94,6 +103,7 @@ class DetectionLoss:
         *,
         bins: DepthBins,
         cell: float,
+        classes: list[str],
         depth_supervision: Literal["none", "lidar", "dense"],
         weights: dict[str, float | int],
         object_weight: float,
@@ -103,10 +113,11 @@ class DetectionLoss:
         check_weights(weights)
         self.bins, self.cell, self.depth_supervision, self.weights = bins, cell, depth_supervision, weights
         self.object_weight, self.peak_radius, self.box_radius = object_weight, peak_radius, box_radius
+        self.symmetric = [label for label, name in enumerate(classes) if name in SYMMETRIC]
 
     def __call__(self, outputs: Outputs, batch: Batch) -> dict[str, Tensor]:
         """All terms that the batch has labels for, and their sum as "loss"."""
-        terms = self.box_terms(outputs.maps, batch.targets)
+        terms = self.box_terms(outputs.maps, batch.targets) | self.view_terms(outputs.views, batch.targets)
         if outputs.image is not None:
             terms |= self.image_terms(outputs.image, batch)
         return self.total(terms)
@@ -130,13 +141,31 @@ class DetectionLoss:
         inside = inside & (
             own | ~targets.mask[sample[:, None], r, c]
         )  # another object's own cell is left to that object
-        for name in REGRESSED:
-            target = getattr(targets, name)[sample, :, row, column][:, None].expand(-1, len(own), -1)
+
+        def around(name: str) -> Tensor:
+            """A map's values (M, W, C) in the cells around each object."""
+            return maps[name][sample[:, None], :, r, c]
+
+        rot = targets.rot[sample, :, row, column]
+        for name in (name for name in REGRESSED if name in maps):
+            target = axis_of(rot) if name == "axis" else getattr(targets, name)[sample, :, row, column]
+            target = target[:, None].expand(-1, len(own), -1)
             target = target - step * self.cell if name == "offset" else target
-            values = maps[name][sample[:, None], :, r, c]
-            terms[name] = masked_l1(values[inside], target[inside])
+            terms[name] = masked_l1(around(name)[inside], target[inside])
+        if "direction" in maps:
+            label = targets.heatmap[sample, :, row, column].argmax(dim=1)
+            has_front = inside & ~torch.isin(label, label.new_tensor(self.symmetric))[:, None]
+            forwards = is_forwards(rot)[:, None].expand(-1, len(own))
+            terms["direction"] = binary_loss(around("direction")[..., 0][has_front], forwards[has_front])
         terms["log_variance"] = center_nll(maps, targets, cell=self.cell, radius=self.peak_radius)
         return self._weighted(terms)
+
+    def view_terms(self, views: dict[str, tuple[Tensor, Tensor]], targets: Targets | None) -> dict[str, Tensor]:
+        """The heat map loss of each encoder's own map, over the samples that have the sensor, as a mean over sensors."""
+        if targets is None or not views:
+            return {}
+        each = [focal_loss(logits[there], targets.heatmap[there]) for logits, there in views.values()]
+        return self._weighted({"aux_heatmap": torch.stack(each).mean()})
 
     def image_terms(self, image: ImagePredictions, batch: Batch) -> dict[str, Tensor]:
         """Terms of the image plane; LiDAR supervises depth whether or not the model has the LiDAR as an input."""

@@ -7,7 +7,7 @@ import torch
 from fusion_net.common import geometry
 from fusion_net.common.bev_grid import BEVGrid
 from fusion_net.models.blocks.depth_bins import DepthBins
-from fusion_net.models.encoders.view_transforms import LiftSplat
+from fusion_net.models.encoders.lift_splat import LiftSplat
 from fusion_net.nuscenes.ego_path import EgoPath
 from fusion_net.nuscenes.nuscenes import NuScenes
 from tests.fixtures.tiny_tree import START, write_tree

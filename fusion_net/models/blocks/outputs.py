@@ -3,7 +3,7 @@
 Axes: B batch, N cameras, h/w image features, C channels, D depth bins, K classes, Y/X BEV rows and columns.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from torch import Tensor
 
@@ -28,7 +28,12 @@ class Encoded:
 
 @dataclass(frozen=True)
 class Outputs:
-    """Maps of the head (see ``center_head.REGRESSIONS``), and the image predictions if the camera took part."""
+    """Maps of the head (see ``center_head.regressions``), and the image predictions if the camera took part.
+
+    ``views``: in training, where there are auxiliary heads, what each encoder's own map says alone: heat map logits
+    (B, K, Y, X), and the samples (B,) in which the sensor is present.
+    """
 
     maps: dict[str, Tensor]
     image: ImagePredictions | None = None
+    views: dict[str, tuple[Tensor, Tensor]] = field(default_factory=dict)

@@ -59,6 +59,12 @@ class SplatIndex:
         by_cell, by_pixel = SparseRows.of(cell, pixel, rows=cells), SparseRows.of(pixel, cell, rows=pixels)
         return SplatIndex(pixel, cell, by_cell, by_pixel)
 
+    def with_cells(self, cell: Tensor, *, cells: int) -> "SplatIndex":
+        """The same pixels in the same order in other cells (E,), without sorting the pixels again."""
+        order, cell = self.by_pixel.order, cell.int()
+        by_pixel = SparseRows(order, cell if order is None else cell.index_select(0, order), self.by_pixel.row_starts)
+        return SplatIndex(self.pixel, cell, SparseRows.of(cell, self.pixel, rows=cells), by_pixel)
+
 
 class _Splat(torch.autograd.Function):
     @staticmethod

@@ -12,6 +12,7 @@ from fusion_net.models.blocks.layers import ConvBlock
 from fusion_net.models.blocks.outputs import Encoded, ImagePredictions
 from fusion_net.models.blocks.splat import SplatIndex, flat_cells, splat, to_map
 from fusion_net.models.encoders.image_network import ImageNetwork
+from fusion_net.models.encoders.point_scores import point_scores
 from fusion_net.models.encoders.view_transforms import ViewTransform, ego_points
 
 
@@ -22,6 +23,7 @@ class CameraEncoder(nn.Module):
     ``depth_source``: "learned"; "uniform" over all bins (the lower bound); "lidar": the returns of the LiDAR where it is
     present and there are any, else learned; "oracle": the exact depth (the upper bound). ``lift_class_scores``: the map is
     also made from the lifted class scores, the summed depth weights, and the class scores at the regressed depth.
+    ``point_scores``: and from the class scores at the returns of the LiDAR and the radar, where those are present.
     """
 
     def __init__(
@@ -31,6 +33,7 @@ class CameraEncoder(nn.Module):
         view_transform: ViewTransform,
         channels: int,
         lift_class_scores: bool,
+        point_scores: bool,
         depth_source: Literal["learned", "uniform", "lidar", "oracle"],
     ) -> None:
         super().__init__()
@@ -39,10 +42,12 @@ class CameraEncoder(nn.Module):
             if ours != theirs:
                 raise ValueError(f"camera encoder: the image network has {name}={ours}, the view transform {theirs}")
         self.image_network, self.view_transform = image_network, view_transform
-        self.channels, self.lift_class_scores, self.depth_source = channels, lift_class_scores, depth_source
+        self.channels, self.depth_source = channels, depth_source
+        self.lift_class_scores, self.point_scores = lift_class_scores, point_scores
         classes = image_network.classes if lift_class_scores else 0
         lifted = image_network.features + (classes + 1 if lift_class_scores else 0)
-        inputs = view_transform.num_heights * lifted + classes
+        inputs = view_transform.num_layers * lifted + classes
+        inputs += 2 * (image_network.classes + 1) if point_scores else 0
         self.reduce = ConvBlock(inputs, channels, kernel=1)
         self.refine = ConvBlock(channels, channels)
 
@@ -69,15 +74,18 @@ class CameraEncoder(nn.Module):
         probability, depth = self._depth(predictions, batch)
         features = predictions.features.permute(0, 1, 3, 4, 2).float()
         calibration = (batch.cam_K.float(), batch.ego_T_cam.float())
-        if not self.lift_class_scores:
-            return self.refine(self.reduce(self.view_transform(features, probability, *calibration)))
         # Detached: what a class score means comes from the dense losses alone, not from the detection losses.
         scores = predictions.class_logits.detach().permute(0, 1, 3, 4, 2).sigmoid()
-        columns = torch.cat([features, scores, torch.ones_like(scores[..., :1])], dim=-1)
-        lifted = self.view_transform(columns, probability, *calibration)
-        at_depth = self._splat_at_depth(scores, depth, calibration)
+        if self.lift_class_scores:
+            columns = torch.cat([features, scores, torch.ones_like(scores[..., :1])], dim=-1)
+            maps = [self.view_transform(columns, probability, *calibration)]
+            maps.append(self._splat_at_depth(scores, depth, calibration))
+        else:
+            maps = [self.view_transform(features, probability, *calibration)]
+        if self.point_scores:
+            maps.append(point_scores(scores, batch, grid=self.view_transform.grid, stride=self.view_transform.stride))
         # Concatenated channels last, as they lie in memory, and already in the precision of the convolutions.
-        parts = [x.permute(0, 2, 3, 1).to(predictions.features.dtype) for x in (lifted, at_depth)]
+        parts = [x.permute(0, 2, 3, 1).to(predictions.features.dtype) for x in maps]
         return self.refine(self.reduce(torch.cat(parts, dim=-1).permute(0, 3, 1, 2)))
 
     def _depth(self, predictions: ImagePredictions, batch: Batch) -> tuple[Tensor, Tensor]:

@@ -1,10 +1,12 @@
 """Radar detections to a bird's-eye view: named channels per cell, then convolutions."""
 
 import torch
+import torch.nn.functional as F
 from beartype import beartype
 from torch import Tensor, nn
 
 from fusion_net.common.bev_grid import BEVGrid
+from fusion_net.common.nuscenes_format import MODALITIES
 from fusion_net.data.batch import RADAR_CHANNELS, Batch
 from fusion_net.models.blocks.layers import ConvBlock
 from fusion_net.models.blocks.outputs import Encoded
@@ -38,19 +40,44 @@ def rasterize(points: Tensor, sample: Tensor, size: int, grid: BEVGrid) -> Tenso
     return to_map(torch.cat(channels, dim=1), size, grid)
 
 
+@torch.no_grad()
+def radial_velocity(batch: Batch, grid: BEVGrid) -> Tensor:
+    """The compensated radial velocity (B, 2, Y, X) around the detections, m/s in ego axes: a mean over 5 x 5 cells that
+    weighs near cells more. 0 where there are no detections and in samples without radar."""
+    rows, columns = grid.shape
+    row, column, inside = grid.rows_columns(batch.radar_points[:, :2])
+    sample = batch.radar_batch.long()
+    kept = (inside & batch.present[:, MODALITIES.index("radar")].index_select(0, sample)).nonzero()[:, 0]
+    cell = ((sample * rows + row) * columns + column).index_select(0, kept)
+    velocity = batch.radar_points[:, 4:6].index_select(0, kept).float()
+    values = torch.cat([velocity, torch.ones_like(velocity[:, :1])], dim=1)
+    raster = to_map(values.new_zeros(batch.size * rows * columns, 3).index_add_(0, cell, values), batch.size, grid)
+    for _ in range(2):
+        raster = F.avg_pool2d(raster, 3, stride=1, padding=1)
+    return torch.where(raster[:, 2:] > 0, raster[:, :2] / raster[:, 2:], 0.0)
+
+
 @beartype
 class RadarEncoder(nn.Module):
-    """Radar branch: ``forward(batch)`` gives a map (B, channels, Y, X).
+    """Radar branch: ``forward(batch)`` gives a map (B, channels, Y, X). ``raster_channels``: which of RASTER_CHANNELS it sees.
 
     A radar's azimuth is off by metres at range, so the first convolution is wide: a detection reaches more cells than
     its own.
     """
 
-    def __init__(self, *, grid: BEVGrid, channels: int) -> None:
+    def __init__(self, *, grid: BEVGrid, channels: int, raster_channels: list[str]) -> None:
         super().__init__()
+        if wrong := [name for name in raster_channels if name not in RASTER_CHANNELS]:
+            raise ValueError(
+                f"radar encoder: there is no channel {wrong[0]!r}; choose from {', '.join(RASTER_CHANNELS)}"
+            )
+        if not raster_channels or len(set(raster_channels)) < len(raster_channels):
+            raise ValueError(f"radar encoder: raster_channels={raster_channels} must name channels, each once")
         self.grid, self.channels = grid, channels
-        self.convs = nn.Sequential(ConvBlock(len(RASTER_CHANNELS), channels, kernel=5), ConvBlock(channels, channels))
+        self.used = [RASTER_CHANNELS.index(name) for name in raster_channels]
+        self.convs = nn.Sequential(ConvBlock(len(self.used), channels, kernel=5), ConvBlock(channels, channels))
 
     def forward(self, batch: Batch) -> Encoded:
         """The map (B, channels, Y, X)."""
-        return Encoded(self.convs(rasterize(batch.radar_points, batch.radar_batch, batch.size, self.grid)))
+        raster = rasterize(batch.radar_points, batch.radar_batch, batch.size, self.grid)
+        return Encoded(self.convs(raster if len(self.used) == len(RASTER_CHANNELS) else raster[:, self.used]))

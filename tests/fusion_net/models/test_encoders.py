@@ -8,12 +8,12 @@ import torch
 
 from fusion_net.common.nuscenes_format import MODALITIES
 from fusion_net.models.blocks.depth_bins import DepthBins
-from fusion_net.models.encoders.radar_encoder import RASTER_CHANNELS, rasterize
-from fusion_net.models.encoders.view_transforms import LiftSplat
+from fusion_net.models.encoders.lift_splat import LiftSplat
+from fusion_net.models.encoders.radar_encoder import RASTER_CHANNELS, RadarEncoder, radial_velocity, rasterize
 from tests.fixtures.small_model import (
     CHANNELS,
     GRID,
-    backward_projection,
+    VIEWS,
     camera_encoder,
     lidar_encoder,
     small_batch,
@@ -60,6 +60,49 @@ def test_raster_channels_mean_what_they_say():
     assert (image[1] != 0).any(0).sum() == 1
 
 
+@pytest.mark.parametrize(("kept", "column"), [(("occupancy", "vx", "vy"), 3), (("occupancy", "rcs", "rcs_max"), 4)])
+def test_what_a_left_out_channel_holds_does_not_reach_the_map(kept, column):
+    encoder, batch = RadarEncoder(grid=GRID, channels=CHANNELS, raster_channels=list(kept)).eval(), small_batch()
+    changed = batch.radar_points.clone()
+    changed[:, column] += 3.0
+    everything = RadarEncoder(grid=GRID, channels=CHANNELS, raster_channels=list(RASTER_CHANNELS)).eval()
+    for radar, is_same in ((encoder, True), (everything, False)):
+        with torch.no_grad():
+            first, second = radar(batch).bev, radar(replace(batch, radar_points=changed)).bev
+        assert torch.equal(first, second) == is_same
+
+
+@pytest.mark.parametrize(
+    ("names", "message"),
+    [(["rsc"], "no channel 'rsc'; choose from occupancy"), ([], "each once"), (["vx", "vx"], "each once")],
+)
+def test_wrong_radar_channels_are_named(names, message):
+    with pytest.raises(ValueError, match=message):
+        RadarEncoder(grid=GRID, channels=CHANNELS, raster_channels=names)
+
+
+def test_the_radial_velocity_is_known_around_a_detection_and_nowhere_else():
+    batch = small_batch(1, radar=0)
+    points = torch.tensor([[10.1, 3.3, 0.5, 0.0, 4.0, -1.0, 0.1]])
+    batch = replace(batch, radar_points=points, radar_batch=torch.zeros(1).int())
+    velocity = radial_velocity(batch, GRID)
+    row, column, _ = GRID.rows_columns(points[0, :2])
+    around = torch.zeros(GRID.shape, dtype=torch.bool)
+    around[row - 2 : row + 3, column - 2 : column + 3] = True
+    torch.testing.assert_close(velocity[0, :, around], torch.tensor([[4.0], [-1.0]]).expand(2, 25))
+    assert not velocity[0, :, ~around].any()
+
+
+@pytest.mark.parametrize("value", [99.0, torch.nan])
+def test_an_absent_radar_has_no_radial_velocity(value):
+    batch = small_batch()
+    batch.radar_points[batch.radar_batch == 1] = value
+    batch.present[1, MODALITIES.index("radar")] = False
+    velocity = radial_velocity(batch, GRID)
+    assert velocity[0].any()
+    assert not velocity[1].any()
+
+
 def test_lidar_ignores_the_order_of_points():
     encoder, batch = lidar_encoder().eval(), small_batch()
     order = torch.randperm(len(batch.lidar_points))
@@ -103,7 +146,23 @@ def test_an_absent_lidar_gives_no_depth():
     torch.testing.assert_close(with_depth["heatmap"][0], everything["heatmap"][0])
 
 
-@pytest.mark.parametrize("view", [backward_projection, LiftSplat])
+def test_a_camera_alone_is_given_no_depth_by_the_lidar_of_the_data():
+    """A model without a LiDAR does not read the batch's by way of ``depth_source=lidar``."""
+    model, batch = small_model(depth_source="lidar", names=["camera"]).eval(), small_batch()
+    with torch.no_grad():
+        with_returns = model(batch).maps
+        without = model(replace(batch, lidar_depth=torch.zeros_like(batch.lidar_depth))).maps
+    for name in with_returns:
+        assert torch.equal(with_returns[name], without[name])
+
+
+def test_the_lidar_may_teach_depth_where_it_is_absent_as_an_input():
+    model, batch = small_model(depth_source="lidar", depth_supervision="lidar"), small_batch()
+    absent = batch.present & (torch.arange(3) != MODALITIES.index("lidar"))
+    assert model.loss(model(batch, absent), batch)["loss/depth"] > 0
+
+
+@pytest.mark.parametrize("view", [VIEWS[name] for name in VIEWS if name != "bilinear"])
 def test_detection_losses_reach_the_depth_distribution(view):
     """Without any depth loss, the gradient still reaches the depth distribution through the lift."""
     model, batch = small_model(view=view, names=["camera"]), small_batch()

@@ -1,5 +1,6 @@
 """Losses: finite where there is nothing, no gradient where there is no label, smallest at the truth."""
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -9,7 +10,7 @@ from fusion_net.common.bev_grid import BEVGrid
 from fusion_net.data.batch import Targets
 from fusion_net.models.blocks.depth_bins import DepthBins
 from fusion_net.models.blocks.outputs import ImagePredictions, Outputs
-from fusion_net.models.center_head import REGRESSIONS
+from fusion_net.models.center_head import regressions
 from fusion_net.models.losses import WEIGHTS, DetectionLoss, center_nll, depth_loss, focal_loss, masked_l1
 from tests.fixtures.random_batch import random_batch
 
@@ -19,6 +20,7 @@ BINS = DepthBins(2.0, 58.0, 14, "linear")
 
 def detection_loss(**changes) -> DetectionLoss:
     settings = {"depth_supervision": "dense", "object_weight": 4.0, "peak_radius": 3, "box_radius": 1}
+    settings["classes"] = ["car", "barrier"]
     weights = dict.fromkeys(WEIGHTS, 0.5)
     return DetectionLoss(**{"bins": BINS, "cell": GRID.cell, "weights": weights} | settings | changes)
 
@@ -82,7 +84,8 @@ def test_the_box_is_learned_around_the_centre_as_seen_from_each_cell():
     """Offsets that point to the centre from every neighbour cost nothing; one cell further, nothing is learned."""
     maps, targets = _single(0.0, 0.0)
     maps |= {
-        name: torch.zeros(1, c, *GRID.shape) for name, c in (("height", 1), ("size", 3), ("rot", 2), ("velocity", 2))
+        name: torch.zeros(1, c, *GRID.shape)
+        for name, c in (("height", 1), ("size", 3), ("axis", 2), ("direction", 1), ("velocity", 2))
     }
     rows, columns = torch.meshgrid(*(torch.arange(n) for n in GRID.shape), indexing="ij")
     maps["offset"][0] = torch.stack([9 - columns, 4 - rows]) * GRID.cell
@@ -96,13 +99,53 @@ def test_the_box_is_learned_around_the_centre_as_seen_from_each_cell():
     assert narrow.box_terms(maps, targets)["loss/offset"] == 0
 
 
+def _headed(yaws, labels):
+    """Maps of nothing and targets of objects, one a row, of these headings (radians) and labels."""
+    rows, columns = GRID.shape
+    mask, heat = torch.zeros(1, rows, columns, dtype=torch.bool), torch.zeros(1, 2, rows, columns)
+    zeros = {n: torch.zeros(1, c, rows, columns) for n, c in (("offset", 2), ("height", 1), ("size", 3))}
+    zeros |= {n: torch.zeros(1, 2, rows, columns) for n in ("rot", "velocity")}
+    for i, (yaw, label) in enumerate(zip(yaws, labels, strict=True)):
+        mask[0, 1, 3 * i], heat[0, label, 1, 3 * i] = True, 1.0
+        zeros["rot"][0, :, 1, 3 * i] = torch.tensor([math.sin(yaw), math.cos(yaw)])
+    maps = {n: torch.zeros(1, c, rows, columns) for n, c in ({"heatmap": 2} | regressions("axis")).items()}
+    return maps, Targets(heatmap=heat, mask=mask, **zeros)
+
+
+def test_a_body_and_the_same_turned_round_have_one_axis():
+    """The two headings that a barrier may have as well agree, where their sines and cosines average to nothing."""
+    maps, targets = _headed([0.6, 0.6 + math.pi], [1, 1])
+    maps["axis"][:] = torch.tensor([math.sin(1.2), math.cos(1.2)])[:, None, None]
+    assert detection_loss().box_terms(maps, targets)["loss/axis"] == pytest.approx(0, abs=1e-5)
+
+
+def test_a_symmetric_body_teaches_no_direction():
+    (car, barrier) = (_headed([2.0], [label]) for label in (0, 1))
+    for maps, targets, learned in ((*car, True), (*barrier, False)):
+        maps["direction"].requires_grad_()
+        terms = detection_loss().box_terms(maps, targets)
+        terms["loss/direction"].backward()
+        assert maps["direction"].grad.any() == learned
+        assert terms["loss/axis"] > 0
+
+
+def test_the_direction_says_which_end_is_the_front():
+    maps, targets = _headed([0.1, 0.1 + math.pi], [0, 0])
+    maps["direction"][..., :2], maps["direction"][..., 2:5] = 9.0, -9.0
+    right = detection_loss().box_terms(maps, targets)["loss/direction"]
+    maps["direction"] *= -1
+    assert right < 1e-3
+    assert detection_loss().box_terms(maps, targets)["loss/direction"] == pytest.approx(0.5 * 9.0, rel=1e-3)
+
+
 @pytest.mark.parametrize("changed", WEIGHTS)
 def test_each_weight_scales_its_own_term(changed):
     """Twice the weight is twice that term and leaves the others; NaN velocities and empty cells included."""
     batch = random_batch(2, grid=GRID, image=(32, 64), lidar=0, radar=0, classes=2)
     maps, image = _random_maps(), _predictions(batch)
-    terms = detection_loss()(Outputs(maps, image), batch)
-    doubled = detection_loss(weights=dict.fromkeys(WEIGHTS, 0.5) | {changed: 1})(Outputs(maps, image), batch)
+    outputs = Outputs(maps, image, {"lidar": (maps["heatmap"] + 1, torch.tensor([True, False]))})
+    terms = detection_loss()(outputs, batch)
+    doubled = detection_loss(weights=dict.fromkeys(WEIGHTS, 0.5) | {changed: 1})(outputs, batch)
     assert set(terms) == {"loss", *(f"loss/{name}" for name in WEIGHTS)}
     for name in WEIGHTS:
         assert doubled[f"loss/{name}"] == terms[f"loss/{name}"] * (2 if name == changed else 1)
@@ -111,7 +154,7 @@ def test_each_weight_scales_its_own_term(changed):
 
 def _random_maps():
     rng = torch.Generator().manual_seed(1)
-    channels = {"heatmap": 2} | REGRESSIONS
+    channels = {"heatmap": 2} | regressions("sincos") | regressions("axis")
     return {name: torch.randn(2, count, *GRID.shape, generator=rng) for name, count in channels.items()}
 
 

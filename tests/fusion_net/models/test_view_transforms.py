@@ -12,12 +12,17 @@ from fusion_net.common import geometry
 from fusion_net.common.bev_grid import BEVGrid
 from fusion_net.models.blocks.depth_bins import DepthBins
 from fusion_net.models.blocks.splat import SplatIndex, splat
-from fusion_net.models.encoders.view_transforms import BackwardProjection, LiftSplat, ego_points
+from fusion_net.models.encoders.backward_projection import BackwardProjection
+from fusion_net.models.encoders.lift_splat import LiftSplat
+from fusion_net.models.encoders.pillar_attention import PillarAttention, segment_softmax
+from fusion_net.models.encoders.view_transforms import ego_points
 
 GRID = BEVGrid(2.0, 42.0, -12.0, 20.0, 0.8)  # neither square nor centred
 BINS = DepthBins(2.0, 42.0, 160, "linear")
 SIZE, STRIDE = (6, 11), 8
-VIEWS = [LiftSplat, partial(BackwardProjection, heights=[0.4, 1.1, 2.0])]
+HEIGHTS = [0.4, 1.1, 2.0]
+attention = partial(PillarAttention, heights=HEIGHTS, features=2, heads=2, key_channels=4)
+VIEWS = [LiftSplat, partial(BackwardProjection, heights=HEIGHTS), attention]
 
 
 def camera(*, yaw: float = 20.0, pitch: float = 4.0, roll: float = 3.0) -> tuple[torch.Tensor, torch.Tensor]:
@@ -90,7 +95,7 @@ def test_nothing_in_the_grid_gives_zeros_and_gradients(view):
     depth = torch.rand(1, 1, *SIZE, BINS.count, requires_grad=True)
     bev = lift(features, depth, *camera())
     bev.sum().backward()
-    assert bev.shape == (1, 4 * lift.num_heights, 10, 5)
+    assert bev.shape == (1, 4 * lift.num_layers, 10, 5)
     assert not bev.any()
     assert not features.grad.any()
 
@@ -113,6 +118,97 @@ def test_lift_splat_equals_the_naive_splat():
     lifted = depth[..., None] * features[..., None, :]
     expected.index_put_((row[inside], column[inside]), lifted[inside], accumulate=True)
     torch.testing.assert_close(bev[0].permute(1, 2, 0), expected, rtol=1e-4, atol=1e-5)
+
+
+def test_height_bands_keep_height_and_lose_nothing():
+    """A point's feature is in the band of its own height; the bands together are the plain splat."""
+    cam_K, ego_T_cam = camera()
+    features, depth = torch.randn(1, 1, *SIZE, 5), torch.rand(1, 1, *SIZE, BINS.count)
+    options = {"grid": GRID, "bins": BINS, "stride": STRIDE}
+    plain = LiftSplat(**options)(features, depth, cam_K, ego_T_cam)
+    bands = LiftSplat(**options, height_edges=[0.0, 1.5])(features, depth, cam_K, ego_T_cam).unflatten(1, (3, 5))
+    torch.testing.assert_close(bands.sum(1), plain, rtol=1e-4, atol=1e-5)
+    points = ego_points(BINS.centers().expand(1, 1, *SIZE, -1), cam_K, ego_T_cam, STRIDE)
+    row, column, inside = GRID.rows_columns(points[..., :2])
+    middle = inside & (points[..., 2] >= 0.0) & (points[..., 2] < 1.5)
+    expected = torch.zeros(*GRID.shape, 5)
+    lifted = depth[..., None] * features[..., None, :]
+    expected.index_put_((row[middle], column[middle]), lifted[middle], accumulate=True)
+    torch.testing.assert_close(bands[0, 1].permute(1, 2, 0), expected, rtol=1e-4, atol=1e-5)
+
+
+def test_height_edges_rise():
+    with pytest.raises(ValueError, match="height_edges must rise"):
+        LiftSplat(grid=GRID, bins=BINS, stride=STRIDE, height_edges=[1.0, 0.5])
+
+
+def test_a_bilinear_splat_keeps_the_place_within_the_cell():
+    """Divided among four cells, a feature's centre of mass is where its point is, and nothing is lost inside the grid."""
+    cam_K, ego_T_cam = camera()
+    features, probability = torch.zeros(1, 1, *SIZE, 1), torch.zeros(1, 1, *SIZE, BINS.count)
+    features[0, 0, 3, 5], probability[0, 0, 3, 5, 70] = 1.0, 1.0
+    lift = LiftSplat(grid=GRID, bins=BINS, stride=STRIDE, bilinear=True)
+    bev = lift(features, probability, cam_K, ego_T_cam)[0, 0]
+    point = ego_points(BINS.centers().expand(1, 1, *SIZE, -1), cam_K, ego_T_cam, STRIDE)[0, 0, 3, 5, 70, :2]
+    assert bev.sum() == pytest.approx(1.0)
+    assert (bev > 0).sum() == 4
+    torch.testing.assert_close((GRID.centers() * bev[..., None]).sum((0, 1)), point, rtol=0, atol=1e-4)
+
+
+def test_a_normalized_cell_is_a_mean_if_it_is_not_nearly_empty():
+    cam_K, ego_T_cam = camera()
+    depth = 9 * torch.rand(1, 1, *SIZE, BINS.count)
+    lift = LiftSplat(grid=GRID, bins=BINS, stride=STRIDE, normalize=True)
+    bev = lift(torch.ones(1, 1, *SIZE, 1), depth, cam_K, ego_T_cam)[0, 0]
+    weight = LiftSplat(grid=GRID, bins=BINS, stride=STRIDE)(torch.ones(1, 1, *SIZE, 1), depth, cam_K, ego_T_cam)[0, 0]
+    assert (bev <= 1).all()
+    assert (bev[weight > 5] > 0.95).all()
+    assert (bev[weight == 0] == 0).all()
+
+
+def test_without_depth_a_cell_is_the_mean_over_the_cameras_that_see_it():
+    one, two = camera(), camera(yaw=25)
+    both = [torch.cat(pair, dim=1) for pair in zip(one, two, strict=True)]
+    lift = BackwardProjection(grid=GRID, bins=BINS, stride=STRIDE, heights=HEIGHTS, depth_weighted=False)
+    ones, flat = torch.ones(1, 2, *SIZE, 1), torch.rand(1, 2, *SIZE, BINS.count)
+    seen = lift(ones, flat, *both)
+    torch.testing.assert_close(seen, seen.round(), rtol=0, atol=1e-5)
+    assert 0 < seen.mean() < 1
+    assert torch.equal(seen, lift(ones, torch.zeros_like(flat), *both))
+    features = torch.stack([torch.full((1, *SIZE, 1), value) for value in (1.0, 3.0)], dim=1)
+    values = lift(features, flat, *both)
+    assert (values - 2).abs().min() < 1e-5  # seen by both
+
+
+def test_attention_chooses_among_the_heights_of_a_cell():
+    """Untrained, the mean over the visible heights; with a query for the key of one pixel feature, that feature."""
+    cam_K, ego_T_cam = camera()
+    features = torch.rand(1, 1, *SIZE, 2)
+    depth = torch.ones(1, 1, *SIZE, BINS.count)
+    lift = PillarAttention(grid=GRID, bins=BINS, stride=STRIDE, heights=HEIGHTS, features=2, heads=1, key_channels=4)
+    options = {"grid": GRID, "bins": BINS, "stride": STRIDE, "heights": HEIGHTS}
+    layers = BackwardProjection(**options)(
+        torch.cat([features, torch.ones_like(features[..., :1])], -1), depth, cam_K, ego_T_cam
+    )
+    layers = layers.unflatten(1, (3, 3))
+    seen = layers[:, :, 2:].sum(1).clamp(min=1)
+    torch.testing.assert_close(
+        lift(features, depth, cam_K, ego_T_cam), layers[:, :, :2].sum(1) / seen, rtol=1e-4, atol=1e-5
+    )
+    with torch.no_grad():
+        lift.key.weight.zero_()[0, 0] = 1.0
+        lift.cell_query[:, 0, 0] = 1e4
+        chosen = lift(features, depth, cam_K, ego_T_cam)[:, 0]
+    torch.testing.assert_close(chosen, layers[:, :, 0].amax(1), rtol=1e-2, atol=1e-2)
+
+
+def test_segment_softmax_by_hand():
+    logits = torch.tensor([[0.0], [2.0], [500.0], [500.0]], requires_grad=True)
+    weights = segment_softmax(logits, torch.tensor([2, 2, 0, 0]), 4)
+    torch.testing.assert_close(weights[:2], logits[:2].softmax(0))
+    assert weights[2:].flatten().tolist() == [0.5, 0.5]
+    weights[0].sum().backward()
+    assert logits.grad.isfinite().all()
 
 
 @settings(max_examples=25, deadline=None)

@@ -105,14 +105,14 @@ def test_lift_spreads_a_feature_and_splat_adds_what_meets():
     lift = LiftSplat(grid=GRID, bins=DepthBins(7.5, 10.5, 3, "linear"), stride=1)
     cam_K = torch.tensor([[1.0, 0, 0.5], [0, 1, 0.5], [0, 0, 1]]).expand(1, 2, 3, 3)
     first, second = view(12.25 - 9.0, -2.75), view(12.25 - 8.0, -2.75)
-    features = torch.tensor([[4.0, 10.0], [1.0, 0.5]]).view(1, 2, 1, 1, 2)
+    features = torch.tensor([[4.0, 10.0], [1.0, 0.5]]).view(1, 2, 1, 1, 1, 2)
     weights = torch.tensor([[0.2, 0.5, 0.3], [1.0, 0.0, 0.0]]).view(1, 2, 1, 1, 3)
 
     alone = lift(features[:, :1], weights[:, :1], cam_K[:, :1], first[None, None])[0]
     row, column = CELL
     blocks = alone[:, row, [column - 2, column, column + 2]].T  # a metre is two cells
     torch.testing.assert_close(blocks, torch.tensor([[0.8, 2.0], [2.0, 5.0], [1.2, 3.0]]))
-    torch.testing.assert_close(alone.sum((1, 2)), features[0, 0, 0, 0])  # nothing lost, nothing added
+    torch.testing.assert_close(alone.sum((1, 2)), features[0, 0, 0, 0, 0])  # nothing lost, nothing added
 
     both = lift(features, weights, cam_K, torch.stack([first, second])[None])[0]
     torch.testing.assert_close(both[:, row, column], torch.tensor([3.0, 5.5]))

@@ -54,16 +54,16 @@ class BackwardProjection(ViewTransform):
 
     def _geometry(self, cam_K: Tensor, ego_T_cam: Tensor, size: tuple[int, int]) -> tuple:
         samples = self._samples(cam_K, ego_T_cam, size)
-        rows = len(cam_K) * len(self.points)
+        height = samples.point % self.num_layers
         index = SplatIndex.of(
-            samples.pixel.flatten(),
-            samples.point.repeat_interleave(4),
-            pixels=cam_K.shape[0] * cam_K.shape[1] * size[0] * size[1],
-            cells=rows,
+            (samples.pixel * self.num_layers + height[:, None]).flatten(),
+            torch.div(samples.point, self.num_layers, rounding_mode="floor").repeat_interleave(4),
+            pixels=cam_K.shape[0] * cam_K.shape[1] * size[0] * size[1] * self.num_layers,
+            cells=len(cam_K) * len(self.points) // self.num_layers,
         )
         if self.depth_weighted:
             return index, samples
-        views = torch.bincount(samples.point, minlength=rows).index_select(0, samples.point)
+        views = torch.bincount(samples.point, minlength=len(cam_K) * len(self.points)).index_select(0, samples.point)
         return index, replace(samples, bilinear=samples.bilinear / views[:, None])
 
     def _samples(self, cam_K: Tensor, ego_T_cam: Tensor, size: tuple[int, int]) -> Samples:
@@ -98,8 +98,7 @@ class BackwardProjection(ViewTransform):
         return Samples(point.int(), pixel, torch.stack(bilinear, dim=1), near, near + to_far, between[:, None])
 
     def forward(self, features: Tensor, probability: Tensor, cam_K: Tensor, ego_T_cam: Tensor) -> Tensor:
-        """Features (B, N, h, w, C) and depth probabilities (B, N, h, w, D) to (B, heights * C, Y, X)."""
+        """Features (B, N, h, w, heights, C) and depth probabilities (B, N, h, w, D) to (B, C, Y, X)."""
         index, samples = self.geometry(cam_K, ego_T_cam, features.shape[2:4])
         weights = samples.depth_weights(probability) if self.depth_weighted else samples.bilinear
-        cells = splat(features.flatten(0, 3), weights.flatten(), index)
-        return to_map(cells.view(-1, self.num_layers * features.shape[-1]), len(features), self.grid)
+        return to_map(splat(features.flatten(0, 4), weights.flatten(), index), len(features), self.grid)

@@ -3,6 +3,7 @@
 from typing import Literal
 
 import torch
+import torch.nn.functional as F
 from beartype import beartype
 from torch import Tensor, nn
 
@@ -42,13 +43,14 @@ class CameraEncoder(nn.Module):
             if ours != theirs:
                 raise ValueError(f"camera encoder: the image network has {name}={ours}, the view transform {theirs}")
         self.image_network, self.view_transform = image_network, view_transform
-        self.channels, self.depth_source = channels, depth_source
-        self.lift_class_scores, self.point_scores = lift_class_scores, point_scores
-        classes = image_network.classes if lift_class_scores else 0
+        self.channels, self.depth_source, self.lift_class_scores = channels, depth_source, lift_class_scores
+        classes = image_network.classes
         lifted = image_network.features + (classes + 1 if lift_class_scores else 0)
-        inputs = view_transform.num_layers * lifted + classes
-        inputs += 2 * (image_network.classes + 1) if point_scores else 0
-        self.reduce = ConvBlock(inputs, channels, kernel=1)
+        # The terms of one sum: 1x1 convolutions of the maps that are made, as far as possible before they are maps.
+        self.to_layers = nn.Linear(lifted, view_transform.num_layers * channels, bias=False)
+        self.from_scores = nn.Linear(classes, channels, bias=False) if lift_class_scores else None
+        self.from_points = nn.Conv2d(2 * (classes + 1), channels, 1, bias=False) if point_scores else None
+        self.norm = nn.BatchNorm2d(channels)
         self.refine = ConvBlock(channels, channels)
 
     @property
@@ -72,21 +74,20 @@ class CameraEncoder(nn.Module):
     def lift(self, predictions: ImagePredictions, batch: Batch) -> Tensor:
         """Predictions to a map (B, channels, Y, X), by the calibration of the batch."""
         probability, depth = self._depth(predictions, batch)
-        features = predictions.features.permute(0, 1, 3, 4, 2).float()
+        columns = predictions.features.permute(0, 1, 3, 4, 2)
         calibration = (batch.cam_K.float(), batch.ego_T_cam.float())
         # Detached: what a class score means comes from the dense losses alone, not from the detection losses.
         scores = predictions.class_logits.detach().permute(0, 1, 3, 4, 2).sigmoid()
         if self.lift_class_scores:
-            columns = torch.cat([features, scores, torch.ones_like(scores[..., :1])], dim=-1)
-            maps = [self.view_transform(columns, probability, *calibration)]
-            maps.append(self._splat_at_depth(scores, depth, calibration))
-        else:
-            maps = [self.view_transform(features, probability, *calibration)]
-        if self.point_scores:
-            maps.append(point_scores(scores, batch, grid=self.view_transform.grid, stride=self.view_transform.stride))
-        # Concatenated channels last, as they lie in memory, and already in the precision of the convolutions.
-        parts = [x.permute(0, 2, 3, 1).to(predictions.features.dtype) for x in maps]
-        return self.refine(self.reduce(torch.cat(parts, dim=-1).permute(0, 3, 1, 2)))
+            columns = torch.cat([columns, scores.to(columns.dtype), torch.ones_like(columns[..., :1])], dim=-1)
+        layers = self.to_layers(columns).unflatten(-1, (self.view_transform.num_layers, self.channels))
+        bev = self.view_transform(layers, probability, *calibration)
+        if self.from_scores is not None:
+            bev = bev + self._splat_at_depth(self.from_scores(scores), depth, calibration)
+        if self.from_points is not None:
+            at_points = point_scores(scores, batch, grid=self.view_transform.grid, stride=self.view_transform.stride)
+            bev = bev + self.from_points(at_points)
+        return self.refine(F.relu(self.norm(bev.to(predictions.features.dtype)), inplace=True))
 
     def _depth(self, predictions: ImagePredictions, batch: Batch) -> tuple[Tensor, Tensor]:
         """Depth probabilities (B, N, h, w, D) and one depth per feature cell (B, N, h, w), metres, 0 where unknown."""
@@ -110,8 +111,8 @@ class CameraEncoder(nn.Module):
             return one_hot, known
         return torch.where((index >= 0)[..., None], one_hot, learned), torch.where(known > 0, known, regressed)
 
-    def _splat_at_depth(self, scores: Tensor, depth: Tensor, calibration: tuple[Tensor, Tensor]) -> Tensor:
-        """Class scores (B, N, h, w, K), each summed into the one BEV cell (B, K, Y, X) at its pixel's depth."""
+    def _splat_at_depth(self, columns: Tensor, depth: Tensor, calibration: tuple[Tensor, Tensor]) -> Tensor:
+        """Columns (B, N, h, w, C), each summed into the one BEV cell (B, C, Y, X) at its pixel's depth."""
         grid, stride = self.view_transform.grid, self.view_transform.stride
         with torch.no_grad():
             points = ego_points(depth[..., None], *calibration, stride)[..., 0, :2]
@@ -119,5 +120,5 @@ class CameraEncoder(nn.Module):
             pixel = (inside & (depth > 0)).flatten().nonzero()[:, 0]
             cells = len(depth) * grid.shape[0] * grid.shape[1]
             index = SplatIndex.of(pixel, cell.flatten()[pixel], pixels=depth.numel(), cells=cells)
-            weights = torch.ones_like(pixel, dtype=scores.dtype)
-            return to_map(splat(scores.flatten(0, 3), weights, index), len(depth), grid)
+            weights = torch.ones_like(pixel, dtype=depth.dtype)
+        return to_map(splat(columns.flatten(0, 3), weights, index), len(depth), grid)

@@ -18,9 +18,10 @@ _FAINT = 0.1
 class LiftSplat(ViewTransform):
     """Forward projection of every pixel's feature to the BEV cells along its ray, at the centres of the depth bins.
 
-    ``height_edges``: metres at which the pillar is cut into bands that keep maps of their own (none: one map). ``bilinear``
-    divides an entry among the four nearest cells, at four times the entries. ``normalize`` divides a cell by its summed
-    weight, so that near cells, which many rays cross, and far ones are of one scale; a nearly empty cell stays faint.
+    ``height_edges``: metres at which the pillar is cut into layers that have features of their own (none: one layer).
+    ``bilinear`` divides an entry among the four nearest cells, at four times the entries. ``normalize`` divides a layer of a
+    cell by its summed weight, so that near cells, which many rays cross, and far ones are of one scale; a nearly empty one
+    stays faint.
     """
 
     def __init__(
@@ -43,7 +44,8 @@ class LiftSplat(ViewTransform):
     def _geometry(
         self, cam_K: Tensor, ego_T_cam: Tensor, size: tuple[int, int]
     ) -> tuple[SplatIndex, Tensor, Tensor | None]:
-        """The pattern of the product; of each of its entries the index of its probability, and its share of it."""
+        """The pattern of the product (cells x pixels and layers); of each of its entries the index of its probability, and
+        its share of it."""
         (batch, cameras), bins = cam_K.shape[:2], self.bins.count
         rays = rotated(ego_T_cam[:, :, None, None, :3, :3], pixel_rays(cam_K, *size, self.stride))
         origin, depth = ego_T_cam[:, :, None, None, None, :3, 3], self.bins.centers().to(cam_K)
@@ -62,30 +64,31 @@ class LiftSplat(ViewTransform):
         kept = inside.flatten().nonzero()[:, 0]
         sample = torch.arange(batch, device=cam_K.device, dtype=torch.int32).view(-1, *[1] * (row.dim() - 1))
         cell = row.mul_(columns).add_(column).int() + sample * (rows * columns)
-        if band:
-            cell = cell * self.num_layers + sum(above.int() for above in band)
         corners = 4 if self.bilinear else 1
-        pixels, cells = batch * cameras * size[0] * size[1], batch * rows * columns * self.num_layers
-        pixel_of = torch.arange(pixels, device=cam_K.device, dtype=torch.int32).repeat_interleave(bins * corners)
+        pixels = torch.arange(batch * cameras * size[0] * size[1], device=cam_K.device, dtype=torch.int32)
+        column_of = pixels.mul_(self.num_layers).repeat_interleave(bins * corners).view_as(cell)
+        if band:
+            column_of = column_of + sum(above.int() for above in band)
         index = SplatIndex.of(
-            pixel_of.index_select(0, kept), cell.flatten().index_select(0, kept), pixels=pixels, cells=cells
+            column_of.flatten().index_select(0, kept),
+            cell.flatten().index_select(0, kept),
+            pixels=len(pixels) * self.num_layers,
+            cells=batch * rows * columns,
         )
         if share is None:
             return index, kept, None
         return index, torch.div(kept, corners, rounding_mode="floor"), share.flatten().index_select(0, kept)
 
     def forward(self, features: Tensor, probability: Tensor, cam_K: Tensor, ego_T_cam: Tensor) -> Tensor:
-        """Features (B, N, h, w, C) and depth probabilities (B, N, h, w, D) to (B, bands * C, Y, X)."""
+        """Features (B, N, h, w, layers, C) and depth probabilities (B, N, h, w, D) to (B, C, Y, X)."""
         index, entry, share = self.geometry(cam_K, ego_T_cam, features.shape[2:4])
         weights = probability.flatten().index_select(0, entry)
         weights = weights if share is None else weights * share
-        flat = features.flatten(0, 3)
         if self.normalize:
-            sums = splat(torch.cat([flat, torch.ones_like(flat[:, :1])], dim=1), weights, index)
-            cells = sums[:, :-1] / (sums[:, -1:] + _FAINT)
-        else:
-            cells = splat(flat, weights, index)
-        return to_map(cells.view(-1, self.num_layers * features.shape[-1]), len(features), self.grid)
+            layer = index.cell * self.num_layers + index.pixel % self.num_layers
+            total = weights.new_zeros(len(index.by_cell.row_starts) * self.num_layers).index_add(0, layer, weights)
+            weights = weights / (total.index_select(0, layer) + _FAINT)
+        return to_map(splat(features.flatten(0, 4), weights, index), len(features), self.grid)
 
 
 def _corners(column: Tensor, row: Tensor) -> tuple[Tensor, Tensor, Tensor]:

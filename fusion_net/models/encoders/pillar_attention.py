@@ -17,8 +17,8 @@ class PillarAttention(BackwardProjection):
     The weight of a sample is the softmax, over the cell's samples, of the product of a learned query of the cell and height
     and a key made of the feature, times the probability that the pixel's depth is the cell's (BEVFormer's spatial
     cross-attention, Li et al. 2022, at fixed reference points). What is summed is still one sparse product for each of the
-    ``heads``: only keys of ``key_channels`` are sampled, never the features. ``features``: how many of the leading channels
-    the keys are made of. Queries start at zero, as a plain mean over the pillar.
+    ``heads``, the layers of this transform: only keys of ``key_channels`` are sampled, never the features. ``channels``: those
+    of the features. Queries start at zero, as a plain mean over the pillar.
     """
 
     def __init__(
@@ -28,14 +28,13 @@ class PillarAttention(BackwardProjection):
         bins: DepthBins,
         stride: int,
         heights: list[float],
-        features: int,
+        channels: int,
         heads: int,
         key_channels: int,
     ) -> None:
         super().__init__(grid=grid, bins=bins, stride=stride, heights=heights, depth_weighted=True)
-        self.heights, self.heads, self.features = len(heights), heads, features
-        self.num_layers = heads
-        self.key = nn.Linear(features, heads * key_channels, bias=False)
+        self.heights, self.num_layers = len(heights), heads
+        self.key = nn.Parameter(torch.randn(heads, key_channels, channels) * channels**-0.5)
         self.cell_query = nn.Parameter(torch.zeros(grid.shape[0] * grid.shape[1], heads, key_channels))
         self.height_query = nn.Parameter(torch.zeros(len(heights), heads, key_channels))
 
@@ -53,14 +52,17 @@ class PillarAttention(BackwardProjection):
         return into_cells, into_cells.with_cells(one_each, cells=len(samples.point)), samples
 
     def forward(self, features: Tensor, probability: Tensor, cam_K: Tensor, ego_T_cam: Tensor) -> Tensor:
-        """Features (B, N, h, w, C) and depth probabilities (B, N, h, w, D) to (B, heads * C, Y, X)."""
+        """Features (B, N, h, w, heads, C) and depth probabilities (B, N, h, w, D) to (B, C, Y, X)."""
         into_cells, sampling, samples = self.geometry(cam_K, ego_T_cam, features.shape[2:4])
-        keys = splat(self.key(features[..., : self.features]).flatten(0, 3), samples.bilinear.flatten(), sampling)
+        keys = torch.einsum("plc,lkc->plk", features.flatten(0, 3), self.key.to(features.dtype)).flatten(1)
+        keys = splat(keys, samples.bilinear.flatten(), sampling)
         attention = self._attention(keys, samples.point, len(features))
         weights = samples.depth_weights(probability)
-        flat = features.flatten(0, 3)
-        heads = [splat(flat, (weights * of_head[:, None]).flatten(), into_cells) for of_head in attention.unbind(1)]
-        return to_map(torch.cat(heads, dim=1), len(features), self.grid)
+        heads = [
+            splat(of_head.flatten(0, 3), (weights * chosen[:, None]).flatten(), into_cells)
+            for of_head, chosen in zip(features.unbind(4), attention.unbind(1), strict=True)
+        ]
+        return to_map(torch.stack(heads).sum(dim=0), len(features), self.grid)
 
     def _attention(self, keys: Tensor, point: Tensor, batch: int) -> Tensor:
         """(V, heads) from sampled keys (V, heads * key_channels); of each cell they sum to 1."""

@@ -50,10 +50,14 @@ def ego_points(depth: Tensor, cam_K: Tensor, ego_T_cam: Tensor, stride: int) -> 
 class ViewTransform(nn.Module):
     """What all view transforms have in common: the grid, the depth bins, and the geometry of the last calibration.
 
-    The cache key is the calibration itself, to the last bit, so that a perturbed calibration never meets a stale geometry.
+    ``forward(features, probability, cam_K, ego_T_cam)`` takes features (B, N, h, w, L, C), those of a pixel in each of
+    ``num_layers`` layers, and depth probabilities (B, N, h, w, D) to the sum over the layers, a map (B, C, Y, X). A map per
+    layer under a 1x1 convolution would be the same (both are linear), but the features are projected where they are few:
+    at the pixels, before the product. The cache key is the calibration itself, to the last bit, so that a perturbed
+    calibration never meets a stale geometry.
     """
 
-    num_layers = 1  # maps of the features' width stacked in the channels: heights, or heads
+    num_layers = 1  # heights, or heads, that have features of their own
 
     def __init__(self, *, grid: BEVGrid, bins: DepthBins, stride: int) -> None:
         super().__init__()

@@ -182,4 +182,4 @@ def test_a_frozen_camera_keeps_its_weights_and_statistics():
     assert all(
         torch.equal(x, before[n]) for n, x in model.encoders["camera"].image_network.backbone.state_dict().items()
     )
-    assert any(p.grad is not None for p in model.encoders["camera"].reduce.parameters())
+    assert any(p.grad is not None for p in model.encoders["camera"].to_layers.parameters())

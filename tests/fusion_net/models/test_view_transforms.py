@@ -21,7 +21,7 @@ GRID = BEVGrid(2.0, 42.0, -12.0, 20.0, 0.8)  # neither square nor centred
 BINS = DepthBins(2.0, 42.0, 160, "linear")
 SIZE, STRIDE = (6, 11), 8
 HEIGHTS = [0.4, 1.1, 2.0]
-attention = partial(PillarAttention, heights=HEIGHTS, features=2, heads=2, key_channels=4)
+attention = partial(PillarAttention, heights=HEIGHTS, channels=4, heads=2, key_channels=4)
 VIEWS = [LiftSplat, partial(BackwardProjection, heights=HEIGHTS), attention]
 
 
@@ -31,6 +31,21 @@ def camera(*, yaw: float = 20.0, pitch: float = 4.0, roll: float = 3.0) -> tuple
     optical = geometry.rigid([[0, 0, 1], [-1, 0, 0], [0, -1, 0]], [0, 0, 0])
     cam_K = np.array([[70.0, 0, 43.0], [0, 74.0, 21.0], [0, 0, 1]])
     return torch.tensor(cam_K)[None, None].float(), torch.tensor(body @ optical)[None, None].float()
+
+
+def layered(lift, features, *others):
+    """Maps (B, layers * C, Y, X) of the layers apart, from features (B, N, h, w, C) that all layers share."""
+    apart = torch.eye(lift.num_layers)[:, :, None] * features[..., None, None, :]
+    return lift(apart.flatten(-2), *others)
+
+
+def test_layers_are_summed_as_a_1x1_convolution_of_their_maps_would():
+    lift = BackwardProjection(grid=GRID, bins=BINS, stride=STRIDE, heights=HEIGHTS)
+    features, depth = torch.randn(1, 1, *SIZE, 5), torch.rand(1, 1, *SIZE, BINS.count)
+    kernel = torch.randn(3, 5, 4)  # layer, in, out
+    maps = layered(lift, features, depth, *camera()).unflatten(1, (3, 5))
+    ours = lift(torch.einsum("...i,lio->...lo", features, kernel), depth, *camera())
+    torch.testing.assert_close(ours, torch.einsum("bliyx,lio->boyx", maps, kernel), rtol=1e-4, atol=1e-4)
 
 
 def naive(features, weights, pixel, cell, cells):
@@ -91,11 +106,11 @@ def test_splat_ignores_autocast():
 @pytest.mark.parametrize("view", VIEWS)
 def test_nothing_in_the_grid_gives_zeros_and_gradients(view):
     lift = view(grid=BEVGrid(300.0, 304.0, 0.0, 8.0, 0.8), bins=BINS, stride=STRIDE)
-    features = torch.randn(1, 1, *SIZE, 4, requires_grad=True)
+    features = torch.randn(1, 1, *SIZE, lift.num_layers, 4, requires_grad=True)
     depth = torch.rand(1, 1, *SIZE, BINS.count, requires_grad=True)
     bev = lift(features, depth, *camera())
     bev.sum().backward()
-    assert bev.shape == (1, 4 * lift.num_layers, 10, 5)
+    assert bev.shape == (1, 4, 10, 5)
     assert not bev.any()
     assert not features.grad.any()
 
@@ -104,14 +119,14 @@ def test_lift_splat_conserves_features_that_stay_in_the_grid():
     wide = BEVGrid(-80.0, 80.0, -80.0, 80.0, 0.8)
     features = torch.randn(1, 1, *SIZE, 5)
     depth = torch.rand(1, 1, *SIZE, BINS.count).softmax(-1)
-    bev = LiftSplat(grid=wide, bins=BINS, stride=STRIDE)(features, depth, *camera())
+    bev = layered(LiftSplat(grid=wide, bins=BINS, stride=STRIDE), features, depth, *camera())
     torch.testing.assert_close(bev.sum((0, 2, 3)), features.sum((0, 1, 2, 3)), rtol=1e-4, atol=1e-4)
 
 
 def test_lift_splat_equals_the_naive_splat():
     cam_K, ego_T_cam = camera()
     features, depth = torch.randn(1, 1, *SIZE, 5), torch.rand(1, 1, *SIZE, BINS.count)
-    bev = LiftSplat(grid=GRID, bins=BINS, stride=STRIDE)(features, depth, cam_K, ego_T_cam)
+    bev = layered(LiftSplat(grid=GRID, bins=BINS, stride=STRIDE), features, depth, cam_K, ego_T_cam)
     points = ego_points(BINS.centers().expand(1, 1, *SIZE, -1), cam_K, ego_T_cam, STRIDE)
     row, column, inside = GRID.rows_columns(points[..., :2])
     expected = torch.zeros(*GRID.shape, 5)
@@ -125,8 +140,10 @@ def test_height_bands_keep_height_and_lose_nothing():
     cam_K, ego_T_cam = camera()
     features, depth = torch.randn(1, 1, *SIZE, 5), torch.rand(1, 1, *SIZE, BINS.count)
     options = {"grid": GRID, "bins": BINS, "stride": STRIDE}
-    plain = LiftSplat(**options)(features, depth, cam_K, ego_T_cam)
-    bands = LiftSplat(**options, height_edges=[0.0, 1.5])(features, depth, cam_K, ego_T_cam).unflatten(1, (3, 5))
+    plain = layered(LiftSplat(**options), features, depth, cam_K, ego_T_cam)
+    bands = layered(LiftSplat(**options, height_edges=[0.0, 1.5]), features, depth, cam_K, ego_T_cam).unflatten(
+        1, (3, 5)
+    )
     torch.testing.assert_close(bands.sum(1), plain, rtol=1e-4, atol=1e-5)
     points = ego_points(BINS.centers().expand(1, 1, *SIZE, -1), cam_K, ego_T_cam, STRIDE)
     row, column, inside = GRID.rows_columns(points[..., :2])
@@ -148,7 +165,7 @@ def test_a_bilinear_splat_keeps_the_place_within_the_cell():
     features, probability = torch.zeros(1, 1, *SIZE, 1), torch.zeros(1, 1, *SIZE, BINS.count)
     features[0, 0, 3, 5], probability[0, 0, 3, 5, 70] = 1.0, 1.0
     lift = LiftSplat(grid=GRID, bins=BINS, stride=STRIDE, bilinear=True)
-    bev = lift(features, probability, cam_K, ego_T_cam)[0, 0]
+    bev = layered(lift, features, probability, cam_K, ego_T_cam)[0, 0]
     point = ego_points(BINS.centers().expand(1, 1, *SIZE, -1), cam_K, ego_T_cam, STRIDE)[0, 0, 3, 5, 70, :2]
     assert bev.sum() == pytest.approx(1.0)
     assert (bev > 0).sum() == 4
@@ -159,8 +176,10 @@ def test_a_normalized_cell_is_a_mean_if_it_is_not_nearly_empty():
     cam_K, ego_T_cam = camera()
     depth = 9 * torch.rand(1, 1, *SIZE, BINS.count)
     lift = LiftSplat(grid=GRID, bins=BINS, stride=STRIDE, normalize=True)
-    bev = lift(torch.ones(1, 1, *SIZE, 1), depth, cam_K, ego_T_cam)[0, 0]
-    weight = LiftSplat(grid=GRID, bins=BINS, stride=STRIDE)(torch.ones(1, 1, *SIZE, 1), depth, cam_K, ego_T_cam)[0, 0]
+    bev = layered(lift, torch.ones(1, 1, *SIZE, 1), depth, cam_K, ego_T_cam)[0, 0]
+    weight = layered(
+        LiftSplat(grid=GRID, bins=BINS, stride=STRIDE), torch.ones(1, 1, *SIZE, 1), depth, cam_K, ego_T_cam
+    )[0, 0]
     assert (bev <= 1).all()
     assert (bev[weight > 5] > 0.95).all()
     assert (bev[weight == 0] == 0).all()
@@ -171,12 +190,12 @@ def test_without_depth_a_cell_is_the_mean_over_the_cameras_that_see_it():
     both = [torch.cat(pair, dim=1) for pair in zip(one, two, strict=True)]
     lift = BackwardProjection(grid=GRID, bins=BINS, stride=STRIDE, heights=HEIGHTS, depth_weighted=False)
     ones, flat = torch.ones(1, 2, *SIZE, 1), torch.rand(1, 2, *SIZE, BINS.count)
-    seen = lift(ones, flat, *both)
+    seen = layered(lift, ones, flat, *both)
     torch.testing.assert_close(seen, seen.round(), rtol=0, atol=1e-5)
     assert 0 < seen.mean() < 1
-    assert torch.equal(seen, lift(ones, torch.zeros_like(flat), *both))
+    assert torch.equal(seen, layered(lift, ones, torch.zeros_like(flat), *both))
     features = torch.stack([torch.full((1, *SIZE, 1), value) for value in (1.0, 3.0)], dim=1)
-    values = lift(features, flat, *both)
+    values = layered(lift, features, flat, *both)
     assert (values - 2).abs().min() < 1e-5  # seen by both
 
 
@@ -185,20 +204,19 @@ def test_attention_chooses_among_the_heights_of_a_cell():
     cam_K, ego_T_cam = camera()
     features = torch.rand(1, 1, *SIZE, 2)
     depth = torch.ones(1, 1, *SIZE, BINS.count)
-    lift = PillarAttention(grid=GRID, bins=BINS, stride=STRIDE, heights=HEIGHTS, features=2, heads=1, key_channels=4)
+    lift = PillarAttention(grid=GRID, bins=BINS, stride=STRIDE, heights=HEIGHTS, channels=2, heads=1, key_channels=4)
     options = {"grid": GRID, "bins": BINS, "stride": STRIDE, "heights": HEIGHTS}
-    layers = BackwardProjection(**options)(
-        torch.cat([features, torch.ones_like(features[..., :1])], -1), depth, cam_K, ego_T_cam
-    )
+    with_ones = torch.cat([features, torch.ones_like(features[..., :1])], -1)
+    layers = layered(BackwardProjection(**options), with_ones, depth, cam_K, ego_T_cam)
     layers = layers.unflatten(1, (3, 3))
     seen = layers[:, :, 2:].sum(1).clamp(min=1)
     torch.testing.assert_close(
-        lift(features, depth, cam_K, ego_T_cam), layers[:, :, :2].sum(1) / seen, rtol=1e-4, atol=1e-5
+        layered(lift, features, depth, cam_K, ego_T_cam), layers[:, :, :2].sum(1) / seen, rtol=1e-4, atol=1e-5
     )
     with torch.no_grad():
-        lift.key.weight.zero_()[0, 0] = 1.0
+        lift.key.zero_()[0, 0, 0] = 1.0
         lift.cell_query[:, 0, 0] = 1e4
-        chosen = lift(features, depth, cam_K, ego_T_cam)[:, 0]
+        chosen = layered(lift, features, depth, cam_K, ego_T_cam)[:, 0]
     torch.testing.assert_close(chosen, layers[:, :, 0].amax(1), rtol=1e-2, atol=1e-2)
 
 
@@ -227,7 +245,7 @@ def test_a_point_of_known_depth_lands_in_its_own_cell(ahead, aside, yaw, pitch, 
     features, probability = torch.zeros(1, 1, *SIZE, 1), torch.zeros(1, 1, *SIZE, BINS.count)
     features[0, 0, row, column] = 1.0
     probability[0, 0, row, column, BINS.index(torch.tensor(ahead))] = 1.0
-    bev = LiftSplat(grid=GRID, bins=BINS, stride=STRIDE)(features, probability, cam_K, ego_T_cam)[0, 0]
+    bev = layered(LiftSplat(grid=GRID, bins=BINS, stride=STRIDE), features, probability, cam_K, ego_T_cam)[0, 0]
     if bev.sum() == 0:  # on the rim: half a bin further is outside
         return
     hit = GRID.centers()[bev.bool()][0].numpy()
@@ -241,7 +259,7 @@ def test_backward_projection_reads_the_pixel_where_a_cell_is_visible():
     v, u = torch.meshgrid(torch.arange(SIZE[0]), torch.arange(SIZE[1]), indexing="ij")
     features = torch.stack([(u + 0.5) * STRIDE, (v + 0.5) * STRIDE, torch.ones_like(u)], -1)[None, None].float()
     flat = torch.ones(1, 1, *SIZE, BINS.count)
-    bev = lift(features, flat, cam_K, ego_T_cam)[0].view(2, 3, *GRID.shape)
+    bev = layered(lift, features, flat, cam_K, ego_T_cam)[0].view(2, 3, *GRID.shape)
     for layer, height in enumerate((0.4, 1.1)):
         points = np.concatenate([GRID.centers().numpy(), np.full((*GRID.shape, 1), height)], -1).reshape(-1, 3)
         cam_T_ego = geometry.invert(ego_T_cam[0, 0].double().numpy())
@@ -260,9 +278,8 @@ def test_backward_projection_weighs_by_the_interpolated_depth():
     bins = DepthBins(2.0, 42.0, 20, "linear")  # 2 m
     probability = torch.zeros(1, 1, *SIZE, 20)
     probability[..., 10] = 1.0  # centre at 23 m along z, so 24.5 m in the ego frame
-    bev = BackwardProjection(grid=GRID, bins=bins, stride=STRIDE, heights=[1.1])(
-        torch.ones(1, 1, *SIZE, 1), probability, cam_K, ego_T_cam
-    )
+    lift = BackwardProjection(grid=GRID, bins=bins, stride=STRIDE, heights=[1.1])
+    bev = layered(lift, torch.ones(1, 1, *SIZE, 1), probability, cam_K, ego_T_cam)
     row = int(GRID.rows_columns(torch.tensor([24.0, -0.6]))[0])
     x = GRID.centers()[row, :, 0]
     expected = (1 - (x - 24.5).abs() / 2).clamp(min=0)
@@ -272,7 +289,7 @@ def test_backward_projection_weighs_by_the_interpolated_depth():
 @pytest.mark.parametrize("view", VIEWS)
 def test_another_calibration_is_another_geometry(view):
     lift = view(grid=GRID, bins=BINS, stride=STRIDE)
-    features, depth = torch.rand(1, 1, *SIZE, 2), torch.rand(1, 1, *SIZE, BINS.count)
+    features, depth = torch.rand(1, 1, *SIZE, lift.num_layers, 4), torch.rand(1, 1, *SIZE, BINS.count)
     cam_K, ego_T_cam = camera()
     first = lift(features, depth, cam_K, ego_T_cam)
     assert not torch.equal(first, lift(features, depth, *camera(yaw=20.5)))

@@ -1,5 +1,6 @@
 """Training in small: the loss falls, the switches act, limits end it, mistakes are refused before anything is written."""
 
+import json
 import multiprocessing
 import os
 import shutil
@@ -92,7 +93,7 @@ def test_lidar_alone_trains_and_is_scored(data, steps, tmp_path):
     assert len(boxes) == 1
 
 
-def test_minutes_end_a_run_with_every_stage_and_a_score(data, steps, tmp_path):
+def test_minutes_end_a_run_with_every_stage_and_a_score(data, steps, tmp_path, capsys):
     folder = fit(
         settings(
             data,
@@ -105,6 +106,9 @@ def test_minutes_end_a_run_with_every_stage_and_a_score(data, steps, tmp_path):
     assert {stage for stage, _, _ in steps} == {"camera", "camera_only", "fusion"}
     assert (folder / "checkpoints" / "best.ckpt").exists()
     assert "val/mAP" in (folder / "metrics.csv").read_text()
+    taken = json.loads((folder / "env.json").read_text())["steps"]
+    assert f"stopped by trainer.max_minutes=0.03 after {taken} of 300000 steps" in capsys.readouterr().out
+    assert taken == len(steps)
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""What one busy process beside it costs a training run: ``python -m benchmarks.busy [data=data/nano] [seconds=30]``.
+"""What one busy process beside it costs a training run: ``python -m benchmarks.busy [data=data/nano] [seconds=20]``.
 
 ``train.py`` itself on a generated data set, its fusion stage, quiet and beside a process that counts for ever; with as many
 threads as torch takes, and with ``trainer.threads=auto``, which watches for others. samples/s, the first seconds left out.
@@ -13,9 +13,15 @@ import time
 from pathlib import Path
 
 BUSY = [sys.executable, "-c", "while True: pass"]
-TRAIN = Path(__file__).parents[1] / "train.py"
+TRAIN = """
+import train
+from fusion_net.training.callbacks import MetricsCSV
+MetricsCSV.__init__.__kwdefaults__["every"] = 1
+train.main()
+"""
+"""``train.py`` with a row in metrics.csv for every step, which is read here while it runs."""
 BATCH = 8
-WARM_UP = 15.0
+WARM_UP = 10.0
 """Seconds in the loop that are not measured: kernels are made, and the watch looks twice before it acts."""
 LONGEST_START = 180.0
 KEYS = ("data", "seconds")
@@ -27,14 +33,22 @@ def samples_per_second(data: Path, threads: str, seconds: float) -> float:
         steps = [
             f"trainer.{stage}_steps={count}" for stage, count in (("camera", 0), ("camera_only", 0), ("fusion", 10**6))
         ]
-        command = [sys.executable, str(TRAIN), "name=busy", f"data.root={data.resolve()}", f"trainer.threads={threads}"]
+        command = [
+            sys.executable,
+            "-c",
+            TRAIN,
+            "name=busy",
+            f"data.root={data.resolve()}",
+            f"trainer.threads={threads}",
+        ]
         settings = [
             *steps,
             f"trainer.batch_size={BATCH}",
             "trainer.validate_every=1000000",
             "trainer.save_every=1000000",
         ]
-        run = subprocess.Popen([*command, *settings], cwd=folder, stdout=subprocess.DEVNULL)
+        environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[1])}
+        run = subprocess.Popen([*command, *settings], cwd=folder, env=environment, stdout=subprocess.DEVNULL)
         try:
             return BATCH * _steps_per_second(run, Path(folder) / "runs/busy/metrics.csv", seconds)
         finally:
@@ -67,7 +81,7 @@ def main(arguments: list[str]) -> None:
     given = dict(argument.partition("=")[::2] for argument in arguments)
     if unknown := set(given) - set(KEYS):
         raise SystemExit(f"error: unknown {', '.join(sorted(unknown))}; there are {', '.join(KEYS)}")
-    data, seconds = Path(given.get("data", "data/nano")), float(given.get("seconds", 30))
+    data, seconds = Path(given.get("data", "data/nano")), float(given.get("seconds", 20))
     if not data.is_dir():
         raise SystemExit(f"error: no data at {data}; make it with: python -m data_gen data=nano")
     cores = len(os.sched_getaffinity(0))

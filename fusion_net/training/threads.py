@@ -60,9 +60,9 @@ def set_threads(threads: int | str) -> None:
     """A fixed number of torch's threads; ``auto`` leaves torch's own choice for :class:`ThreadWatch` to change."""
     if threads == "auto":
         return
-    if not isinstance(threads, int) or threads < 1:
+    if not str(threads).isdecimal() or int(threads) < 1:
         raise ValueError(f"trainer.threads={threads} is not auto or a number of threads; write trainer.threads=2")
-    torch.set_num_threads(threads)
+    torch.set_num_threads(int(threads))
 
 
 class ThreadWatch(pl.Callback):

@@ -20,7 +20,7 @@ from fusion_net.models.precision import autocast
 from fusion_net.reports import decoys
 from fusion_net.reports.plots import plot_drop_table
 from fusion_net.reports.tables import as_text, document, write_drop_table
-from fusion_net.run_dir import environment, load_config, load_weights, refuse_other_data
+from fusion_net.run_dir import cut_short, environment, load_config, load_weights, refuse_other_data
 from fusion_net.viz.picture_sheet import picture_sheet
 
 RESULTS = "results_nusc.json"
@@ -103,6 +103,8 @@ def evaluate_run(cfg: DictConfig) -> None:
     )
     if dataset.reader.faults:
         doc["fault"] = {"name": cfg.fault.name, "severity": cfg.fault.severity}
+    if cut := cut_short(folder):
+        doc["notes"].append(cut)
     audit = audit_decoys(truth, dataset.index, table.tables)
     if audit:
         doc["decoys"] = audit

@@ -3,7 +3,6 @@
 import copy
 import logging
 import warnings
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +13,7 @@ from hydra.types import RunMode
 from lightning.pytorch.loggers import TensorBoardLogger
 from lightning.pytorch.strategies import StrategyRegistry
 from omegaconf import DictConfig
+from torch.utils.data import DataLoader
 
 from fusion_net.common.checks import check_names
 from fusion_net.common.cli.command import build
@@ -24,11 +24,13 @@ from fusion_net.evaluation.scoring import ground_truth
 from fusion_net.models.fusion_net import FusionNet
 from fusion_net.models.precision import autocast, resolve
 from fusion_net.run_dir import mark_finished, open_run, resume_step, run_folder
-from fusion_net.training.callbacks import MetricsCSV, PlanCallback, TerminalProgress
+from fusion_net.training.callbacks import MetricsCSV, PlanCallback
 from fusion_net.training.interruption import Interruption, handlers_restored
 from fusion_net.training.module import DetectorModule
 from fusion_net.training.plan import TrainingPlan
+from fusion_net.training.progress import TerminalProgress
 from fusion_net.training.step_end import AtomicCheckpointIO, AveragedWeights, StepEnd
+from fusion_net.training.threads import ThreadWatch, set_threads
 
 
 def fit(cfg: DictConfig) -> Path:
@@ -45,6 +47,7 @@ def fit(cfg: DictConfig) -> Path:
             raise ValueError(f"trainer.{name}={settings[name]} must be at least 1")
     if cfg.dataset.workers < 0:
         raise ValueError(f"dataset.workers={cfg.dataset.workers} is not a number of processes; 0 reads in this one")
+    set_threads(settings.threads)
     model = build(cfg.model, "model")
     train_set, val_set = _datasets(cfg)
     plan = _plan(cfg)
@@ -99,7 +102,7 @@ def fit(cfg: DictConfig) -> Path:
             " if memory ran out"
         ) from error
     if trainer.is_global_zero:
-        mark_finished(folder)
+        mark_finished(folder, steps=trainer.global_step, planned=plan.total_steps)
         print(f"done; score it with: {command_line('eval.py', run=folder)}")
     return folder
 
@@ -186,7 +189,7 @@ def _trainer(
     plan: TrainingPlan,
     folder: Path,
     val_set: NuScenesDataset,
-    val_batches: Iterable[Batch],
+    val_batches: DataLoader,
     first_step: int,
 ) -> pl.Trainer:
     for name in ("lightning.pytorch", "lightning.fabric"):
@@ -196,6 +199,8 @@ def _trainer(
     plan_callback, metrics = PlanCallback(plan, seed=cfg.seed), MetricsCSV(folder / "metrics.csv")
     average = AveragedWeights(decay=settings.ema_decay)
     interruption = Interruption()
+    progress = TerminalProgress(plan_callback, validate_every=settings.validate_every, val_batches=len(val_batches))
+    watch = [ThreadWatch(metrics)] if settings.threads == "auto" else []
     step_end = StepEnd(
         folder / "checkpoints",
         batches=val_batches,
@@ -219,5 +224,5 @@ def _trainer(
         enable_progress_bar=False,
         enable_model_summary=False,
         plugins=[AtomicCheckpointIO()],
-        callbacks=[plan_callback, average, TerminalProgress(plan.total_steps), metrics, interruption, step_end],
+        callbacks=[plan_callback, average, progress, metrics, *watch, interruption, step_end],
     )

@@ -23,7 +23,7 @@ LONGEST_NAME = 200
 FREE_ON_RESUME = (
     "data.", "dataset.train.root", "dataset.val.root", "dataset.train.version", "dataset.val.version", "dataset.workers",
     "dataset.cache", "dataset.train.cache", "dataset.val.cache", "trainer.max_minutes", "trainer.save_every",
-    "trainer.accelerator", "trainer.devices", "trainer.strategy",
+    "trainer.accelerator", "trainer.devices", "trainer.strategy", "trainer.threads",
 )  # fmt: skip
 """Settings that may change from an interruption to its resumption: where the same data lies, and how fast the run is."""
 
@@ -69,9 +69,18 @@ def open_run(folder: Path, cfg: DictConfig, *, resume: bool, overwrite: bool, da
     return folder
 
 
-def mark_finished(folder: Path) -> None:
-    """Notes in env.json that the run is over."""
-    _write_surroundings(folder, _surroundings(folder) | {"finished": True})
+def mark_finished(folder: Path, *, steps: int, planned: int) -> None:
+    """Notes in env.json that the run is over, and after how many of its planned steps."""
+    _write_surroundings(folder, _surroundings(folder) | {"finished": True, "steps": steps, "planned_steps": planned})
+
+
+def cut_short(folder: Path) -> str:
+    """What to say beside the scores of a run that a time limit ended before its plan did; "" for others."""
+    noted = _surroundings(folder)
+    steps, planned = noted.get("steps", 0), noted.get("planned_steps", 0)
+    if steps >= planned:
+        return ""
+    return f"cut short: trainer.max_minutes ended the run after {steps} of its {planned} steps."
 
 
 def is_finished(folder: Path, cfg: DictConfig) -> bool:

@@ -1,10 +1,8 @@
-"""What happens around the training steps: rates and stages, lines on the terminal, metrics.csv, memory."""
+"""What happens around the training steps: rates and stages, metrics.csv, memory."""
 
 import csv
 import math
-import multiprocessing
 import os
-import sys
 import time
 from collections.abc import Mapping
 from pathlib import Path
@@ -14,7 +12,6 @@ import lightning.pytorch as pl
 import torch
 from lightning.pytorch.utilities import rank_zero_only
 from torch import Tensor
-from tqdm import tqdm
 
 from fusion_net.data.datamodule import trim_memory
 from fusion_net.training.plan import Stage, TrainingPlan
@@ -71,44 +68,6 @@ class PlanCallback(pl.Callback):
         """Clock and stage of the interrupted run."""
         self.elapsed = state_dict["elapsed"]
         self.plan.stage_starts = [list(pair) for pair in state_dict["stage_starts"]]
-
-
-class TerminalProgress(pl.Callback):
-    """One bar on a terminal, plain lines elsewhere."""
-
-    def __init__(self, total_steps: int, *, every: int = 100) -> None:
-        self.total, self.every = total_steps, every
-        self._bar: tqdm | None = None
-        self._seen, self._since = 0, time.perf_counter()
-
-    def on_train_start(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
-        """Opens the bar."""
-        is_job = multiprocessing.parent_process() is not None  # its bar would stand in that of another job of a sweep
-        if trainer.is_global_zero and sys.stderr.isatty() and not is_job:
-            self._bar = tqdm(total=self.total, initial=trainer.global_step, unit="step", ascii=True)
-        self._seen, self._since = trainer.global_step, time.perf_counter()
-
-    def on_train_batch_end(self, trainer, pl_module, outputs, batch, batch_idx) -> None:
-        """Advances the bar, or prints a line every ``every`` steps."""
-        step = trainer.global_step
-        loss = float(outputs["loss"])
-        if self._bar is not None:
-            self._bar.set_postfix_str(f"{pl_module.stage} loss {loss:.3f}", refresh=False)
-            self._bar.update(step - self._bar.n)
-        elif trainer.is_global_zero and step % self.every == 0 and step > self._seen:
-            now = time.perf_counter()
-            rate = (step - self._seen) * batch.size * trainer.world_size / (now - self._since)
-            print(f"step {step}/{self.total} {pl_module.stage:11} loss {loss:7.3f}  {rate:5.1f} samples/s", flush=True)
-            self._seen, self._since = step, now
-
-    def on_train_end(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
-        """Closes the bar."""
-        if self._bar is not None:
-            self._bar.close()
-
-    def on_exception(self, trainer: pl.Trainer, pl_module: pl.LightningModule, exception: BaseException) -> None:
-        """Closes the bar, so that what is said next has a line of its own."""
-        self.on_train_end(trainer, pl_module)
 
 
 class MetricsCSV(pl.Callback):

@@ -55,14 +55,18 @@ class TrainingPlan:
             stage = STAGES[len(self.stage_starts) - 1]
             first_step, first_second = self.stage_starts[-1]
             done = (step - first_step) / self.steps[stage] if self.steps[stage] else 1.0
-            if self.max_minutes is not None:
-                ahead = STAGES[STAGES.index(stage) :]
-                fraction = self.stage_fractions[stage] / sum(self.stage_fractions[s] for s in ahead if self.steps[s])
-                left = 60.0 * self.max_minutes - first_second
-                done = max(done, (elapsed - first_second) / max(left * fraction, 1e-9))
+            done = max(done, (elapsed - first_second) / self.seconds(stage, first_second))
             if done < 1 or stage == STAGES[-1]:
                 return stage, min(done, 1.0)
             self.stage_starts.append([float(step), elapsed])
+
+    def seconds(self, stage: Stage, begun: float) -> float:
+        """After how many seconds a stage that began at second ``begun`` ends anyway; infinity without a time limit."""
+        if self.max_minutes is None:
+            return math.inf
+        ahead = STAGES[STAGES.index(stage) :]
+        fraction = self.stage_fractions[stage] / sum(self.stage_fractions[s] for s in ahead if self.steps[s])
+        return max((60.0 * self.max_minutes - begun) * fraction, 1e-9)
 
     def learning_rate(self, progress: float) -> float:
         """One-cycle (Smith, 2018): cosine from max_lr / 20 up over ``warmup_fraction``, then cosine down to max_lr / 1000."""

@@ -6,6 +6,7 @@ from omegaconf import OmegaConf
 
 from fusion_net.common.atomic import replacing
 from fusion_net.run_dir import (
+    cut_short,
     is_finished,
     load_config,
     load_weights,
@@ -137,13 +138,22 @@ def test_a_run_is_finished_once_it_says_so_and_only_for_its_own_settings(tmp_pat
     assert not is_finished(tmp_path / "a", CONFIG)
     folder = open_run(tmp_path / "a", CONFIG, resume=False, overwrite=False, data=["d"])
     assert not is_finished(folder, CONFIG)
-    mark_finished(folder)
+    mark_finished(folder, steps=5, planned=5)
     assert is_finished(folder, OmegaConf.merge(CONFIG, {"resume": True, "skip_finished": True, "name": "a"}))
     refuse_other_data(folder, ["d"])
     with pytest.raises(ValueError, match=r"a is a run with other settings \(seed: 1 there, 2 asked for\)"):
         is_finished(folder, OmegaConf.merge(CONFIG, {"seed": 2}))
     open_run(folder, CONFIG, resume=False, overwrite=True)
     assert not is_finished(folder, CONFIG)
+
+
+def test_a_run_that_time_cut_short_says_so(tmp_path):
+    folder = open_run(tmp_path / "a", CONFIG, resume=False, overwrite=False)
+    assert cut_short(folder) == ""
+    mark_finished(folder, steps=5, planned=5)
+    assert cut_short(folder) == ""
+    mark_finished(folder, steps=3, planned=5)
+    assert "after 3 of its 5 steps" in cut_short(folder)
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 """Training in small: the loss falls, the switches act, limits end it, mistakes are refused before anything is written."""
 
+import json
 import multiprocessing
 import os
 import shutil
@@ -92,7 +93,7 @@ def test_lidar_alone_trains_and_is_scored(data, steps, tmp_path):
     assert len(boxes) == 1
 
 
-def test_minutes_end_a_run_with_every_stage_and_a_score(data, steps, tmp_path):
+def test_minutes_end_a_run_with_every_stage_and_a_score(data, steps, tmp_path, capsys):
     folder = fit(
         settings(
             data,
@@ -105,11 +106,25 @@ def test_minutes_end_a_run_with_every_stage_and_a_score(data, steps, tmp_path):
     assert {stage for stage, _, _ in steps} == {"camera", "camera_only", "fusion"}
     assert (folder / "checkpoints" / "best.ckpt").exists()
     assert "val/mAP" in (folder / "metrics.csv").read_text()
+    taken = json.loads((folder / "env.json").read_text())["steps"]
+    assert f"stopped by trainer.max_minutes=0.03 after {taken} of 300000 steps" in capsys.readouterr().out
+    assert taken == len(steps)
+
+
+def test_a_fixed_number_of_threads_is_not_watched(data, steps, monkeypatch):
+    """Whatever else the machine does: that is what repeats a run to the bit."""
+    monkeypatch.setattr("fusion_net.fit.ThreadWatch", None)
+    short = ["trainer.camera_steps=0", "trainer.camera_only_steps=0", "trainer.fusion_steps=1"]
+    fit(settings(data, "trainer.threads=1", *short))
+    assert len(steps) == 1
+    with pytest.raises(TypeError):
+        fit(settings(data, "trainer.threads=auto", "name=watched", *short))
 
 
 @pytest.mark.parametrize(
     ("override", "answer"),
     [
+        ("trainer.threads=0", "trainer.threads=0 is not auto or a number of threads"),
         ("trainer.batch_size=0", "trainer.batch_size=0 must be at least 1"),
         ("trainer.batch_size=64", "9 training samples, fewer than trainer.batch_size=64"),
         ("modality_dropout=2", "is a probability"),

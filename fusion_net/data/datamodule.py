@@ -17,6 +17,7 @@ from fusion_net.common.bev_grid import BEVGrid
 from fusion_net.common.faults import FaultPlan
 from fusion_net.data.augment import Augment
 from fusion_net.data.batch import Batch
+from fusion_net.data.cache_folder import SampleCache, check_cache
 from fusion_net.data.readable import refuse_missing_files, refuse_mixed_image_sizes
 from fusion_net.data.samples import Sample, SampleReader, labelled_boxes
 from fusion_net.data.targets import center_targets
@@ -29,10 +30,10 @@ class NuScenesDataset(Dataset):
     """The samples of a split of one nuScenes data set, or of several read as one: ``root`` is the folder of a data set, a
     folder of shards or a list of these. ``version`` chooses among the folders of tables of a root.
 
-    ``grid``: the cells of the targets; boxes off it are left out. ``cache`` keeps what was decoded (not what was
-    augmented) in memory. ``datasets``: those of ``root``, where they are open already. Further arguments are those of
-    :class:`SampleReader`, whose faults are sampled from ``seed``. An index is a sample's place or (epoch, place): augmentation
-    follows from (seed, epoch, place) alone.
+    ``grid``: the cells of the targets; boxes off it are left out. ``cache``: where what was decoded (not what was augmented)
+    is kept, one of ``CACHES``. ``datasets``: those of ``root``, where they are open already. Further arguments are those
+    of :class:`SampleReader`, whose faults are sampled from ``seed``. An index is a sample's place or (epoch, place):
+    augmentation follows from (seed, epoch, place) alone.
     """
 
     def __init__(
@@ -44,12 +45,13 @@ class NuScenesDataset(Dataset):
         version: str | None = None,
         augment: Augment | None = None,
         min_radius: int = 2,
-        cache: bool = False,
+        cache: str | bool = "none",
         seed: int = 0,
         datasets: list[NuScenes] | None = None,
         **reader,
     ) -> None:
-        self.grid, self.augment, self.min_radius, self.cache, self.seed = grid, augment, min_radius, cache, seed
+        check_cache(cache)
+        self.grid, self.augment, self.min_radius, self.seed = grid, augment, min_radius, seed
         self.reader = SampleReader(**reader, fault_seed=seed)
         self.datasets = open_datasets(root, version) if datasets is None else datasets
         self.index = samples_of_split(self.datasets, split)
@@ -57,7 +59,7 @@ class NuScenesDataset(Dataset):
         refuse_mixed_image_sizes(self.reader, self.index)
         for nusc in self.datasets:
             FaultPlan(self.reader.faults).check(nusc.modalities, nusc.beams)
-        self._decoded: dict[int, Sample] = {}
+        self._decoded = SampleCache(str(cache), self.index, split, self.reader)
 
     def __len__(self) -> int:
         return len(self.index)
@@ -66,9 +68,7 @@ class NuScenesDataset(Dataset):
         epoch, place = key if isinstance(key, tuple) else (0, key)
         sample = self._decoded.get(place)
         if sample is None:
-            sample = self.reader.read(*self.index[place])
-            if self.cache:
-                self._decoded[place] = sample
+            sample = self._decoded.put(place, self.reader.read(*self.index[place]))
         if self.augment is not None:
             sample = self.augment(sample, np.random.default_rng([self.seed, epoch, place]))
         return replace(sample, boxes=sample.boxes[self.grid.contains(sample.boxes.center)])

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import torch
 from beartype import beartype
+from numpy.typing import NDArray
 from torch import Tensor
 from torch.utils.data import DataLoader, Dataset, Sampler
 
@@ -126,7 +127,7 @@ def collate(samples: list[Sample]) -> Batch:
 
     return Batch(
         tokens=[sample.token for sample in samples],
-        images=stacked("images", torch.uint8).permute(0, 1, 4, 2, 3).contiguous(),
+        images=_stacked_images([sample.images for sample in samples]),
         cam_K=stacked("cam_K", torch.float32),
         ego_T_cam=stacked("ego_T_cam", torch.float32),
         lidar_points=torch.from_numpy(np.concatenate([sample.lidar_points for sample in samples])),
@@ -139,6 +140,16 @@ def collate(samples: list[Sample]) -> Batch:
         class_map=stacked_if_known("class_map", torch.int64),
         boxes=tuple(sample.boxes for sample in samples),
     )
+
+
+def _stacked_images(images: list[NDArray[np.uint8]]) -> Tensor:
+    """(B, N, 3, H, W) of B times (N, H, W, 3): each colour is written once, to where it belongs."""
+    count, height, width, colors = images[0].shape
+    stacked = np.empty((len(images), count, colors, height, width), np.uint8)
+    for own, planes in zip(images, stacked, strict=True):
+        for image, out in zip(own, planes, strict=True):
+            cv2.split(image, list(out))
+    return torch.from_numpy(stacked)
 
 
 class StepSampler(Sampler[list[tuple[int, int]]]):

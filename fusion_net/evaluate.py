@@ -42,7 +42,8 @@ def load_run(
     own_version = cfg.data.get("version")
     is_own_data = (root is None or is_same_data(root, cfg.data.root)) and version in (None, own_version)
     settings.root = cfg.data.root if root is None else root
-    settings.cache = "disk" if settings.cache == "disk" and fault is None else "none"  # each sample is read once
+    is_clean = fault is None or fault.name == "none"
+    settings.cache = "disk" if settings.cache == "disk" and is_clean else "none"  # each sample is read once
     settings.version = own_version if is_own_data else version
     settings.split = split or settings.split
     if fault is not None:

@@ -21,6 +21,9 @@ GREY = np.array([0.299, 0.587, 0.114])
 """Luma of RGB (ITU-R BT.601)."""
 
 
+SAME_VIEW, SAME_COLORS = np.eye(4), np.eye(3, 4)
+
+
 @beartype
 @dataclass(frozen=True, kw_only=True)
 class Augment:
@@ -77,7 +80,7 @@ def change_view(sample: Sample, new_T_ego: NDArray[np.float64]) -> Sample:
 def move_points(points: NDArray[np.float32], new_T_ego: NDArray[np.float64]) -> NDArray[np.float32]:
     """Points (P, 3+) in another ego frame (4, 4); themselves where it is the same. A matrix without a turn takes one pass
     over the points in place of a product, with the same result to the bit."""
-    if np.array_equal(new_T_ego, np.eye(4)):
+    if np.array_equal(new_T_ego, SAME_VIEW):
         return points
     linear, shift = new_T_ego[:3, :3].astype(np.float32), new_T_ego[:3, 3].astype(np.float32)
     moved = points.copy()
@@ -94,7 +97,7 @@ def move_points(points: NDArray[np.float32], new_T_ego: NDArray[np.float64]) -> 
 def change_colors(sample: Sample, colors: NDArray[np.float64]) -> Sample:
     """The sample with its images (0..255) put through a colour matrix (3, 4)."""
     count, height, width, _ = sample.images.shape
-    if not count or np.array_equal(colors, np.eye(3, 4)):
+    if not count or np.array_equal(colors, SAME_COLORS):
         return sample
     changed = np.asarray(cv2.transform(sample.images.reshape(count * height, width, 3), colors), np.uint8)
     return replace(sample, images=changed.reshape(sample.images.shape))

@@ -67,12 +67,15 @@ class NuScenesDataset(Dataset):
 
     def __getitem__(self, key: int | tuple[int, int]) -> Sample:
         epoch, place = key if isinstance(key, tuple) else (0, key)
-        sample = self._decoded.get(place)
-        if sample is None:
-            sample = self._decoded.put(place, self.reader.read(*self.index[place]))
+        sample = self.decoded(place)
         if self.augment is not None:
             sample = self.augment(sample, np.random.default_rng([self.seed, epoch, place]))
         return replace(sample, boxes=sample.boxes[self.grid.contains(sample.boxes.center)])
+
+    def decoded(self, place: int) -> Sample:
+        """The sample at a place as it is read, before augmentation; its arrays may be read-only."""
+        sample = self._decoded.get(place)
+        return self._decoded.put(place, self.reader.read(*self.index[place])) if sample is None else sample
 
     @property
     def fingerprint(self) -> list[str]:

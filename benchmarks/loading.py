@@ -2,8 +2,8 @@
 
 DATA is a small generated data set. In FOLDER (else a temporary one) it is made larger: its scenes are repeated under other
 tokens, their files linked. A process of its own each measures a first and a second start (tables, training and validation
-data, labels of the latter, a batch of each) and its memory after 100 more batches: RSS counts the pages it shares whole, PSS
-by its part, private are its own. Then milliseconds of a batch of eight by stage, on one core.
+data, labels of the latter, a batch of each) and its memory after 100 more batches: RSS counts the pages of mapped files, PSS
+its part of those that several processes map, own memory is the rest. Then milliseconds of a batch of eight by stage on a core.
 """
 
 import json
@@ -15,6 +15,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -40,14 +41,13 @@ TOKEN = re.compile(r'"([0-9a-f]{32})"')
 def enlarge(source: Path, target: Path, keyframes: int) -> None:
     """Writes a data set of at least ``keyframes``: the scenes of ``source``, again and again."""
     (tables,) = source.glob("v1.0-*")
-    texts = {name: (tables / f"{name}.json").read_text()[1:-1] for name in OWN}
-    own = {record["token"] for name in OWN for record in json.loads(f"[{texts[name]}]")}
-    copies = -(-keyframes // len(json.loads(f"[{texts['sample']}]")))
+    text_of = {name: (tables / f"{name}.json").read_text()[1:-1] for name in OWN}
+    own = {record["token"] for name in OWN for record in json.loads(f"[{text_of[name]}]")}
+    copies = -(-keyframes // len(json.loads(f"[{text_of['sample']}]")))
     shutil.copytree(tables, target / tables.name, dirs_exist_ok=True)
     shutil.copy(source / "manifest.json", target)
-    for name, text in texts.items():
-        for folder in ("samples/", "sweeps/"):
-            text = re.sub(rf'"({folder}\w+)/', r'"\1/@', text)
+    for name, text in text_of.items():
+        text = re.sub(r'"((?:samples|sweeps)/\w+)/', r'"\1/@', text)
         text = text.replace('"name":"scene-', '"name":"@scene-')
         parts = TOKEN.split(text)
         parts[1::2] = [f'"{"@" + token[5:] if token in own else token}"' for token in parts[1::2]]
@@ -57,7 +57,7 @@ def enlarge(source: Path, target: Path, keyframes: int) -> None:
     splits = json.loads((tables / "splits.json").read_text())
     many = {key: [f"{copy:05x}{name}" for copy in range(copies) for name in names] for key, names in splits.items()}
     (target / tables.name / "splits.json").write_text(json.dumps(many))
-    for path in [*source.glob("samples/*/*"), *source.glob("sweeps/*/*")]:
+    for path in (file for kind in ("samples", "sweeps") for file in source.glob(f"{kind}/*/*")):
         folder = target / path.parent.relative_to(source)
         folder.mkdir(parents=True, exist_ok=True)
         for copy in range(copies):
@@ -74,25 +74,24 @@ def open_sets(root: Path, cache: str) -> tuple[NuScenesDataset, NuScenesDataset]
 
 def start(root: Path, cache: str) -> dict[str, float]:
     """Seconds of a start in this process and its memory in MB after it, and after 100 batches."""
-    begin = time.perf_counter()
+    begin, work = time.perf_counter(), time.process_time()
     train, val = open_sets(root, cache)
     train.has_labels()
     ground_truth(val)
     for data in (train, val):
         data.collate([data[0, place] for place in range(BATCH)])
-    seconds = time.perf_counter() - begin
+    seconds, work = time.perf_counter() - begin, time.process_time() - work
     sampler = StepSampler(len(train), batch_size=BATCH, steps=100)
     for keys in sampler:
         train.collate([train[key] for key in keys])
-    return {"samples": len(train) + len(val), "seconds": seconds} | memory()
+    return {"samples": len(train) + len(val), "seconds": seconds, "cpu_seconds": work} | memory()
 
 
 def memory() -> dict[str, float]:
     """RSS, PSS and private memory of this process, MB."""
     text = Path("/proc/self/smaps_rollup").read_text()
     kilobytes = {name: int(value) for name, value in re.findall(r"(\w+): +(\d+) kB", text)}
-    private = kilobytes["Private_Clean"] + kilobytes["Private_Dirty"]
-    return {"rss": kilobytes["Rss"] / 1024, "pss": kilobytes["Pss"] / 1024, "private": private / 1024}
+    return {name.lower(): kilobytes[name] / 1024 for name in ("Rss", "Pss", "Anonymous")}
 
 
 def stages(root: Path) -> dict[str, float]:
@@ -108,22 +107,30 @@ def stages(root: Path) -> dict[str, float]:
         data[0, place]
     clock: dict[str, list[float]] = {}
 
-    def timed(name: str, work: Callable[[], Any]) -> Any:
-        begin = time.perf_counter()
-        result = work()
-        clock.setdefault(name, []).append(1e3 * (time.perf_counter() - begin))
+    def timed(name: str, stage: Callable[[Any], Any], of: Any) -> Any:
+        begin = time.process_time()
+        result = stage(of)
+        clock.setdefault(name, []).append(1e3 * (time.process_time() - begin))
         return result
 
     for step in range(100):
         rng = np.random.default_rng(step)
         keys = [(step, place) for place in rng.integers(len(data), size=BATCH).tolist()]
-        kept = timed("read", lambda keys=keys: [data.decoded(place) for _, place in keys])
-        views, colors = ([draw(rng) for _ in kept] for draw in (augment.random_view, augment.random_colors))
-        kept = timed("points and boxes", lambda kept=kept, views=views: [*map(change_view, kept, views)])
-        kept = timed("colours", lambda kept=kept, colors=colors: [*map(change_colors, kept, colors)])
-        batch = timed("collate", lambda kept=kept: collate(kept))
-        timed("targets", lambda b=batch: center_targets(b.boxes, grid=data.grid, num_classes=len(data.classes)))
-        timed("batch", lambda keys=keys: data.collate([data[key] for key in keys]))
+        samples = timed("read", lambda keys: [data.decoded(place) for _, place in keys], keys)
+        changes = [(augment.random_view(rng), augment.random_colors(rng)) for _ in keys]
+        samples = timed(
+            "points and boxes",
+            lambda pairs: [change_view(s, view) for s, (view, _) in pairs],
+            [*zip(samples, changes, strict=True)],
+        )
+        samples = timed(
+            "colours",
+            lambda pairs: [change_colors(s, colors) for s, (_, colors) in pairs],
+            [*zip(samples, changes, strict=True)],
+        )
+        batch = timed("collate", collate, samples)
+        timed("targets", partial(center_targets, grid=data.grid, num_classes=len(data.classes)), batch.boxes)
+        timed("batch", lambda keys: data.collate([data[key] for key in keys]), keys)
     return {name: float(np.median(values)) for name, values in clock.items()}
 
 
@@ -142,7 +149,7 @@ def main() -> None:
         return print(json.dumps(stages(Path(sys.argv[2]))))
     source = Path(sys.argv[1])
     figures: dict[str, Any] = {}
-    print(f"{'':28}{'seconds':>10}{'RSS':>10}{'PSS':>10}{'private MB':>12}")
+    print(f"{'':28}{'seconds':>10}{'CPU s':>8}{'RSS':>10}{'PSS':>10}{'own, MB':>12}")
     with tempfile.TemporaryDirectory() as temporary:
         for keyframes in map(int, sys.argv[3:] or SIZES):
             root = Path(sys.argv[2] if len(sys.argv) > 2 else temporary) / str(keyframes)
@@ -152,7 +159,9 @@ def main() -> None:
             for name, cache in (("first start", "disk"), ("second start", "disk"), ("no cache", "none")):
                 each = figures[f"{keyframes} {name}"] = _in_a_process("start", str(root), cache)
                 label = f"{keyframes} keyframes, {name}"
-                print(f"{label:32}{each['seconds']:6.1f}{each['rss']:10.0f}{each['pss']:10.0f}{each['private']:12.0f}")
+                print(
+                    f"{label:32}{each['seconds']:6.1f}{each['cpu_seconds']:8.1f}{each['rss']:10.0f}{each['pss']:10.0f}{each['anonymous']:12.0f}"
+                )
     figures["ms"] = _in_a_process("stages", str(source))
     print("\n".join(f"{name:20}{ms:8.2f} ms" for name, ms in figures["ms"].items()))
     print(json.dumps(figures))

@@ -54,13 +54,13 @@ class NuScenesDataset(Dataset):
         check_cache(cache)
         self.grid, self.augment, self.min_radius, self.seed = grid, augment, min_radius, seed
         self.reader = SampleReader(**reader, fault_seed=seed)
-        self.datasets = open_datasets(root, version) if datasets is None else datasets
+        self.datasets = open_datasets(root, version, mapped=cache == "disk") if datasets is None else datasets
         self.index = samples_of_split(self.datasets, split)
-        refuse_missing_files(self.index, self.reader)
+        self._decoded = SampleCache(str(cache), self.index, split, self.reader)
+        refuse_missing_files(self._decoded.new, self.reader)
         refuse_mixed_image_sizes(self.reader, self.index)
         for nusc in self.datasets:
             FaultPlan(self.reader.faults).check(nusc.modalities, nusc.beams)
-        self._decoded = SampleCache(str(cache), self.index, split, self.reader)
 
     def __len__(self) -> int:
         return len(self.index)

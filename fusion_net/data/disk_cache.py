@@ -20,7 +20,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from fusion_net.data.packing import aligned, pack, unpack
+from fusion_net.common.array_block import aligned
+from fusion_net.data.packing import pack, unpack
 from fusion_net.data.samples import Sample
 
 ENTRY = np.dtype([("offset", "<u8"), ("size", "<u8"), ("checksum", "<u8")])
@@ -38,6 +39,7 @@ class DiskCache:
 
     def __init__(self, stem: Path, length: int) -> None:
         self.stem, self.length = stem, length
+        self._writable, self._index_file, self._data_file = True, -1, -1
         self._open()
 
     def __getstate__(self) -> tuple[Path, int]:
@@ -45,18 +47,12 @@ class DiskCache:
         return self.stem, self.length
 
     def __setstate__(self, state: tuple[Path, int]) -> None:
-        self.stem, self.length = state
-        self._open()
+        self.__init__(*state)  # type: ignore[misc]
 
     def __del__(self) -> None:
-        for file in (getattr(self, "_index_file", -1), getattr(self, "_data_file", -1)):
+        for file in (self._index_file, self._data_file):
             if file >= 0:
                 os.close(file)
-
-    @property
-    def is_complete(self) -> bool:
-        """Whether every sample is there."""
-        return bool((self._entries["offset"] > 0).all())
 
     def get(self, place: int) -> Sample | None:
         """The sample at a place; None where it is not there, or not whole. Its arrays are read-only."""
@@ -71,15 +67,17 @@ class DiskCache:
                 self._append(place, block)
             except OSError as error:
                 self._writable = False
-                say(f"{self.stem.parent} takes no more decoded samples ({error.strerror or error}); the others are not cached")
+                say(
+                    f"{self.stem.parent} takes no more decoded samples ({error.strerror or error}); the others are not cached"
+                )
         return unpack(block)
 
     def _open(self) -> None:
-        self._writable = True
-        self._index_file = self._data_file = -1
         try:
             self.stem.parent.mkdir(parents=True, exist_ok=True)
-            self._index_file, self._data_file = (self._descriptor(end, os.O_RDWR | os.O_CREAT) for end in ("index", "data"))
+            self._index_file, self._data_file = (
+                self._descriptor(end, os.O_RDWR | os.O_CREAT) for end in ("index", "data")
+            )
             with self._lock():
                 if os.fstat(self._index_file).st_size != self.length * ENTRY.itemsize:
                     os.ftruncate(self._index_file, 0)
@@ -129,7 +127,11 @@ class DiskCache:
             except OSError:
                 os.ftruncate(self._data_file, end)
                 raise
-            _write(self._index_file, np.array((end, len(block), zlib.crc32(block)), ENTRY).tobytes(), place * ENTRY.itemsize)
+            _write(
+                self._index_file,
+                np.array((end, len(block), zlib.crc32(block)), ENTRY).tobytes(),
+                place * ENTRY.itemsize,
+            )
 
     @contextmanager
     def _lock(self) -> Iterator[None]:

@@ -41,7 +41,9 @@ def load_run(
     settings = cfg.dataset.val.copy()
     own_version = cfg.data.get("version")
     is_own_data = (root is None or is_same_data(root, cfg.data.root)) and version in (None, own_version)
-    settings.root, settings.cache = cfg.data.root if root is None else root, False
+    settings.root = cfg.data.root if root is None else root
+    is_clean = fault is None or fault.name == "none"
+    settings.cache = "disk" if settings.cache == "disk" and is_clean else "none"  # each sample is read once
     settings.version = own_version if is_own_data else version
     settings.split = split or settings.split
     if fault is not None:

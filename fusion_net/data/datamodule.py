@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import torch
 from beartype import beartype
+from numpy.typing import NDArray
 from torch import Tensor
 from torch.utils.data import DataLoader, Dataset, Sampler
 
@@ -17,6 +18,7 @@ from fusion_net.common.bev_grid import BEVGrid
 from fusion_net.common.faults import FaultPlan
 from fusion_net.data.augment import Augment
 from fusion_net.data.batch import Batch
+from fusion_net.data.cache_folder import SampleCache, check_cache
 from fusion_net.data.readable import refuse_missing_files, refuse_mixed_image_sizes
 from fusion_net.data.samples import Sample, SampleReader, labelled_boxes
 from fusion_net.data.targets import center_targets
@@ -29,10 +31,10 @@ class NuScenesDataset(Dataset):
     """The samples of a split of one nuScenes data set, or of several read as one: ``root`` is the folder of a data set, a
     folder of shards or a list of these. ``version`` chooses among the folders of tables of a root.
 
-    ``grid``: the cells of the targets; boxes off it are left out. ``cache`` keeps what was decoded (not what was
-    augmented) in memory. ``datasets``: those of ``root``, where they are open already. Further arguments are those of
-    :class:`SampleReader`, whose faults are sampled from ``seed``. An index is a sample's place or (epoch, place): augmentation
-    follows from (seed, epoch, place) alone.
+    ``grid``: the cells of the targets; boxes off it are left out. ``cache``: where what was decoded (not what was augmented)
+    is kept, one of ``CACHES``. ``datasets``: those of ``root``, where they are open already. Further arguments are those
+    of :class:`SampleReader`, whose faults are sampled from ``seed``. An index is a sample's place or (epoch, place):
+    augmentation follows from (seed, epoch, place) alone.
     """
 
     def __init__(
@@ -44,34 +46,36 @@ class NuScenesDataset(Dataset):
         version: str | None = None,
         augment: Augment | None = None,
         min_radius: int = 2,
-        cache: bool = False,
+        cache: str | bool = "none",
         seed: int = 0,
         datasets: list[NuScenes] | None = None,
         **reader,
     ) -> None:
-        self.grid, self.augment, self.min_radius, self.cache, self.seed = grid, augment, min_radius, cache, seed
+        check_cache(cache)
+        self.grid, self.augment, self.min_radius, self.seed = grid, augment, min_radius, seed
         self.reader = SampleReader(**reader, fault_seed=seed)
-        self.datasets = open_datasets(root, version) if datasets is None else datasets
+        self.datasets = open_datasets(root, version, mapped=cache == "disk") if datasets is None else datasets
         self.index = samples_of_split(self.datasets, split)
-        refuse_missing_files(self.index, self.reader)
+        self._decoded = SampleCache(str(cache), self.index, split, self.reader)
+        refuse_missing_files(self._decoded.new, self.reader)
         refuse_mixed_image_sizes(self.reader, self.index)
         for nusc in self.datasets:
             FaultPlan(self.reader.faults).check(nusc.modalities, nusc.beams)
-        self._decoded: dict[int, Sample] = {}
 
     def __len__(self) -> int:
         return len(self.index)
 
     def __getitem__(self, key: int | tuple[int, int]) -> Sample:
         epoch, place = key if isinstance(key, tuple) else (0, key)
-        sample = self._decoded.get(place)
-        if sample is None:
-            sample = self.reader.read(*self.index[place])
-            if self.cache:
-                self._decoded[place] = sample
+        sample = self.decoded(place)
         if self.augment is not None:
             sample = self.augment(sample, np.random.default_rng([self.seed, epoch, place]))
         return replace(sample, boxes=sample.boxes[self.grid.contains(sample.boxes.center)])
+
+    def decoded(self, place: int) -> Sample:
+        """The sample at a place as it is read, before augmentation; its arrays may be read-only."""
+        sample = self._decoded.get(place)
+        return self._decoded.put(place, self.reader.read(*self.index[place])) if sample is None else sample
 
     @property
     def fingerprint(self) -> list[str]:
@@ -126,7 +130,7 @@ def collate(samples: list[Sample]) -> Batch:
 
     return Batch(
         tokens=[sample.token for sample in samples],
-        images=stacked("images", torch.uint8).permute(0, 1, 4, 2, 3).contiguous(),
+        images=_stacked_images([sample.images for sample in samples]),
         cam_K=stacked("cam_K", torch.float32),
         ego_T_cam=stacked("ego_T_cam", torch.float32),
         lidar_points=torch.from_numpy(np.concatenate([sample.lidar_points for sample in samples])),
@@ -140,6 +144,16 @@ def collate(samples: list[Sample]) -> Batch:
         colors=stacked_if_known("colors", torch.float32),
         boxes=tuple(sample.boxes for sample in samples),
     )
+
+
+def _stacked_images(images: list[NDArray[np.uint8]]) -> Tensor:
+    """(B, N, 3, H, W) of B times (N, H, W, 3): each colour is written once, to where it belongs."""
+    count, height, width, colors = images[0].shape
+    stacked = np.empty((len(images), count, colors, height, width), np.uint8)
+    for own, planes in zip(images, stacked, strict=True):
+        for image, out in zip(own, planes, strict=True):
+            cv2.split(image, list(out))
+    return torch.from_numpy(stacked)
 
 
 class StepSampler(Sampler[list[tuple[int, int]]]):

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from fusion_net.common.boxes import Boxes
 from fusion_net.common.nuscenes_format import BICYCLE_RACK, CATEGORY_TO_CLASS, CLASSES
-from fusion_net.nuscenes.table_fields import Tables
+from fusion_net.nuscenes.table_fields import Record, Tables
 
 MAX_TIME_DIFF = 1.5
 """Seconds between an instance's annotations beyond which nuScenes knows no velocity; twice that where it is
@@ -61,11 +61,10 @@ class BicycleRacks:
 
 
 class AnnotationTable:
-    """Every annotation of a data set, and which rows a sample has. ``label`` of ``everything`` indexes CLASSES, -1 for
-    none."""
+    """The annotations of ``records`` (whole tracks), and which rows a sample has. ``label`` of ``everything`` indexes CLASSES,
+    -1 for none."""
 
-    def __init__(self, tables: Tables) -> None:
-        records = list(tables["sample_annotation"].values())
+    def __init__(self, tables: Tables, records: list[Record]) -> None:
         self._rows_of: dict[str, list[int]] = defaultdict(list)
         for row, record in enumerate(records):
             self._rows_of[record["sample_token"]].append(row)

@@ -14,10 +14,10 @@ SHARD = re.compile(r"shard-(\d+)-of-(\d+)")
 """Name of a generated shard's folder: its number, from 1, and how many there are."""
 
 
-def open_datasets(root: str | Sequence[str], version: str | None = None) -> list[NuScenes]:
+def open_datasets(root: str | Sequence[str], version: str | None = None, *, mapped: bool = False) -> list[NuScenes]:
     """The data sets of a folder or of a list of folders, each a data set itself or a folder of shards. ``version`` names the
     folder of tables; in a list it chooses where there are several. ValueError when shards do not belong together; missing ones
-    are named on stderr."""
+    are named on stderr. ``mapped`` as in :class:`NuScenes`."""
     folders = [Path(folder) for folder in ([root] if isinstance(root, str) else root)]
     if not folders:
         raise ValueError("data.root=[] names no folder of data")
@@ -25,7 +25,7 @@ def open_datasets(root: str | Sequence[str], version: str | None = None) -> list
     return [
         nusc
         for folder, own in zip(folders, has_choice, strict=True)
-        for nusc in _open(folder, version if own else None)
+        for nusc in _open(folder, version if own else None, mapped)
     ]
 
 
@@ -43,14 +43,14 @@ def samples_of_split(datasets: Sequence[NuScenes], name: str) -> list[tuple[NuSc
     return sorted(samples, key=lambda each: (rank[_whole(each[0])], _scene_of_shard(*each)))
 
 
-def _open(folder: Path, version: str | None) -> list[NuScenes]:
+def _open(folder: Path, version: str | None, mapped: bool) -> list[NuScenes]:
     found = {path: match for path in sorted(folder.glob("shard-*")) if (match := SHARD.fullmatch(path.name))}
     if not found or (folder / MANIFEST_FILE).exists():
-        return [NuScenes(folder, version)]
+        return [NuScenes(folder, version, mapped=mapped)]
     counts = sorted({int(match[2]) for match in found.values()})
     if len(counts) > 1:
         raise ValueError(f"{folder} holds shards of {counts[0]} and of {counts[1]}: move one kind to another folder")
-    datasets = [NuScenes(path, version) for path in found]
+    datasets = [NuScenes(path, version, mapped=mapped) for path in found]
     for nusc in datasets:
         if nusc.fingerprint != datasets[0].fingerprint:
             hashes = f"manifest {datasets[0].fingerprint[:12]} and {nusc.fingerprint[:12]}"

@@ -4,7 +4,8 @@ The format is that of https://www.nuscenes.org/nuscenes#data-format: a root fold
 of JSON tables. Poses come out as ``a_T_b`` matrices; no sensor file is opened here.
 """
 
-from collections.abc import Iterator, Sequence
+import hashlib
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
@@ -15,36 +16,67 @@ from scipy.spatial.transform import Rotation
 
 from fusion_net.common.nuscenes_format import BEAMS, REFERENCE
 from fusion_net.nuscenes.annotations import Annotations, AnnotationTable, BicycleRacks
+from fusion_net.nuscenes.mapped_tables import View, listed, map_tables
 from fusion_net.nuscenes.splits import read_splits
-from fusion_net.nuscenes.table_fields import Record
+from fusion_net.nuscenes.table_fields import Record, Tables
 from fusion_net.nuscenes.tables import load_tables, manifest, repair_advice, version_folder
 
 
 class NuScenes:
     """A data set. ``tables[name][token]`` is a record, ``keyframes[sample][channel]`` the sample_data record of a
-    keyframe. ``version``: name of the folder of tables; None for the only one."""
+    keyframe. ``version``: name of the folder of tables; None for the only one. ``mapped``: the large tables are mapped from a
+    file below ``root``, where it can be written (:mod:`fusion_net.nuscenes.mapped_tables`)."""
 
-    def __init__(self, root: str | Path, version: str | None = None) -> None:
+    def __init__(self, root: str | Path, version: str | None = None, *, mapped: bool = False) -> None:
         self.root = Path(root)
         self.folder = version_folder(self.root, version)
         try:
-            self.tables = load_tables(self.folder)
+            self.mapped = map_tables(self.root, self.folder) if mapped else None
+            self.tables: Tables = self.mapped.tables if self.mapped else load_tables(self.folder)
         except ValueError as error:
             raise ValueError(f"{error}; {repair_advice(self.root)}") from None
         self._channel_of = {
             token: self.get("sensor", record["sensor_token"])["channel"]
             for token, record in self.tables["calibrated_sensor"].items()
         }
-        self.keyframes: dict[str, dict[str, Record]] = {token: {} for token in self.tables["sample"]}
+        self._annotation_tables: dict[str, AnnotationTable] = {}
+        self._mounts = _transforms(self.tables["calibrated_sensor"])
+        self.keyframes: Mapping[str, dict[str, Record]] = (
+            View(self.mapped.keyframes, self._keyframes_of) if self.mapped else self._all_keyframes()
+        )
+
+    def _all_keyframes(self) -> dict[str, dict[str, Record]]:
+        keyframes: dict[str, dict[str, Record]] = {token: {} for token in self.tables["sample"]}
         for record in self.tables["sample_data"].values():
             if record["is_key_frame"]:
-                self.keyframes[record["sample_token"]][self.channel(record)] = record
-        self._poses, self._mounts = _transforms(self.tables["ego_pose"]), _transforms(self.tables["calibrated_sensor"])
+                keyframes[record["sample_token"]][self.channel(record)] = record
+        return keyframes
+
+    def _keyframes_of(self, tokens: list[str]) -> dict[str, Record]:
+        records = [self.tables["sample_data"][token] for token in tokens]
+        return {self.channel(record): record for record in records}
+
+    def _sample_data_of(self, tokens: dict[str, list[str]]) -> list[Record]:
+        return [self.tables["sample_data"][token] for token in tokens["sample_data"]]
+
+    @cached_property
+    def _poses(self) -> Mapping[str, NDArray[np.float64]]:
+        poses = self.tables["ego_pose"]
+        return View(poses, _transform) if self.mapped else _transforms(poses)
 
     @cached_property
     def fingerprint(self) -> str:
         """Hash of the settings that the data set was generated with; "" for a real one."""
         return str(manifest(self.root).get("hash", ""))
+
+    @cached_property
+    def files_hash(self) -> str:
+        """Hash of the manifest, and of name, size and time of the tables and of every file in the folders of its channels."""
+        digest = hashlib.sha256(self.fingerprint.encode())
+        sensors = (self.root / kind / channel for kind in ("samples", "sweeps") for channel in self.modalities)
+        for folder in (self.folder, *sensors):
+            digest.update("\n".join((folder.name, *listed(folder))).encode("utf-8", "surrogateescape"))
+        return digest.hexdigest()[:16]
 
     def get(self, table: str, token: str) -> Record:
         """One record by token."""
@@ -179,8 +211,10 @@ class NuScenes:
         return [*tokens]
 
     @cached_property
-    def sample_data_of(self) -> dict[str, list[Record]]:
+    def sample_data_of(self) -> Mapping[str, list[Record]]:
         """The sample_data records of each scene."""
+        if self.mapped:
+            return View(self.mapped.scenes, self._sample_data_of)
         found: dict[str, list[Record]] = {token: [] for token in self.tables["scene"]}
         for record in self.tables["sample_data"].values():
             found[self.tables["sample"][record["sample_token"]]["scene_token"]].append(record)
@@ -192,15 +226,28 @@ class NuScenes:
 
     def annotations(self, sample_token: str, classes: Sequence[str]) -> Annotations:
         """Labelled boxes of the given classes in the GLOBAL frame; their ``label`` indexes ``classes``."""
-        return self._annotation_table.of(sample_token, classes)
+        return self._annotation_table(sample_token).of(sample_token, classes)
 
     def racks(self, sample_token: str) -> BicycleRacks:
         """Bicycle racks in the GLOBAL frame: nuScenes evaluates no bicycle or motorcycle inside one."""
-        return self._annotation_table.racks(sample_token)
+        return self._annotation_table(sample_token).racks(sample_token)
 
-    @cached_property
-    def _annotation_table(self) -> AnnotationTable:
-        return AnnotationTable(self.tables)
+    def _annotation_table(self, sample_token: str) -> AnnotationTable:
+        """The table that has a sample's annotations: of its scene, or of everything where all is in memory anyway."""
+        part = self.scene(sample_token)["token"] if self.mapped else ""
+        if part not in self._annotation_tables:
+            records = self.tables["sample_annotation"]
+            own = (
+                [records[token] for token in self.mapped.scenes[part]["sample_annotation"]]
+                if self.mapped
+                else [*records.values()]
+            )
+            self._annotation_tables[part] = AnnotationTable(self.tables, own)
+        return self._annotation_tables[part]
+
+
+def _transform(record: Record) -> NDArray[np.float64]:
+    return _transforms({"": record})[""]
 
 
 def _transforms(table: dict[str, Record]) -> dict[str, NDArray[np.float64]]:

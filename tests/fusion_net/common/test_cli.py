@@ -96,7 +96,7 @@ def test_what_names_no_run_is_refused(argument):
         ("name=true", "name='true'"),
         ("fuser=1.50", "fuser='1.50'"),
         ("seed=2", "seed=2"),
-        ("dataset.train.cache=false", "dataset.train.cache=false"),
+        ("dataset.train.cache=none", "dataset.train.cache=none"),
     ],
 )
 def test_text_that_hydra_would_misread_reaches_it_in_quotes(argument, for_hydra):
@@ -127,7 +127,7 @@ def test_a_sweep_over_what_folder_names_leave_out_puts_it_into_them():
         "+dataset.train.min_radius=3",
         "+dataset.train.radar_default_filter=true",
         "dataset.augment=null",
-        "dataset.cache=false",
+        "dataset.cache=none",
         "dataset.workers=2",
         "++seed=3",
         "~dataset.train.augment",

@@ -83,7 +83,7 @@ def test_augmentation_follows_from_seed_epoch_and_place_alone(root):
 
 
 def test_the_cache_changes_nothing_but_the_time(root):
-    plain, cached = dataset(root, augment=AUGMENT), dataset(root, augment=AUGMENT, cache=True)
+    plain, cached = dataset(root, augment=AUGMENT), dataset(root, augment=AUGMENT, cache="memory")
     for epoch in range(3):
         assert_same(plain[epoch, 1], cached[epoch, 1])
 

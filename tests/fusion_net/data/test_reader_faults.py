@@ -208,7 +208,7 @@ def test_a_dataset_spoils_the_same_with_and_without_its_cache(tmp_path):
     ]
     plain, cached, other = (
         NuScenesDataset(root, "train", grid=GRID, faults=faults, cache=cache, seed=seed)
-        for cache, seed in ((False, 3), (True, 3), (False, 4))
+        for cache, seed in (("none", 3), ("memory", 3), ("none", 4))
     )
     for key in ((0, 1), (1, 1), (1, 2), (0, 2)):
         assert_same(plain[key], cached[key])

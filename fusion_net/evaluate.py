@@ -23,9 +23,9 @@ from fusion_net.models.precision import autocast
 from fusion_net.nuscenes.tables import manifest
 from fusion_net.reports import decoys
 from fusion_net.reports.plots import plot_drop_table
-from fusion_net.reports.run_result import run_result, write_result
+from fusion_net.reports.run_result import RESULT, run_result, write_result
 from fusion_net.reports.tables import as_text, document, write_drop_table
-from fusion_net.run_dir import RESULT, environment, refuse_other_data
+from fusion_net.run_dir import environment, refuse_other_data
 from fusion_net.trained import Trained, ship, shipped, trained_run
 from fusion_net.viz.picture_sheet import picture_sheet
 
@@ -71,6 +71,8 @@ def evaluate_run(cfg: DictConfig) -> None:
     for name in ("batch_size", "bootstrap"):
         if cfg[name] < 1:
             raise ValueError(f"{name}={cfg[name]} must be at least 1")
+    if cfg.ship and not cfg.ship.endswith(".pt"):
+        raise ValueError(f"ship={cfg.ship} is no file of weights; end it with .pt")
     trained = _trained(cfg)
     dataset = open_samples(trained, split=cfg.split, root=cfg.data.root, version=cfg.data.version, fault=cfg.fault)
     model = trained.model()

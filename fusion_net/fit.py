@@ -25,12 +25,12 @@ from fusion_net.evaluation.scoring import ground_truth
 from fusion_net.models.fusion_net import FusionNet
 from fusion_net.models.precision import autocast, resolve
 from fusion_net.run_dir import mark_finished, open_run, resume_step, run_folder
+from fusion_net.trained import initialise
 from fusion_net.training.callbacks import MetricsCSV, PlanCallback, TerminalProgress
 from fusion_net.training.interruption import Interruption, handlers_restored
 from fusion_net.training.module import DetectorModule
 from fusion_net.training.plan import TrainingPlan
 from fusion_net.training.step_end import AtomicCheckpointIO, AveragedWeights, StepEnd
-from fusion_net.trained import initialise
 
 
 def fit(cfg: DictConfig) -> Path:

@@ -18,11 +18,10 @@ from fusion_net.common.atomic import replacing
 from fusion_net.common.cli.command_line import command_line, job_number, job_overrides
 from fusion_net.common.settings import differences
 from fusion_net.models.weights_file import fit_weights
+from fusion_net.reports.run_result import RESULT
 
 LONGEST_NAME = 200
 """Bytes of a folder's name; file systems take 255."""
-RESULT = "eval/result.json"
-"""What :mod:`fusion_net.reports.ablation` reads of a run: the scores of its own validation."""
 ABOUT_THE_FOLDER = ("name", "resume", "overwrite", "skip_finished", "evaluate")
 """Settings that say what to do with a run's folder, and not what the run is."""
 FREE_ON_RESUME = (

@@ -72,21 +72,19 @@ def shipped_path(name: str) -> Path:
 
 def initialise(model: FusionNet, name: str) -> None:
     """Loads shipped weights, or a run's checkpoint by its path, into a model that is to be trained further."""
-    path = shipped_path(name)
     try:
+        path = shipped_path(name)
         if path.suffix == ".ckpt":
             load_weights(model, path)
         else:
             fit_weights(model, read_weights(path)["weights"], path)
-    except ValueError as error:
+    except (ValueError, FileNotFoundError) as error:
         raise ValueError(f"init={name}: {error}") from error
 
 
 def ship(path: Path, trained: Trained, *, table: dict[str, Any], manifests: Sequence[dict[str, Any]]) -> Path:
     """Writes a detector as a file of shipped weights, with its drop table and the manifests of its data. The settings name
     the data where the generator puts them on any machine."""
-    if path.suffix != ".pt":
-        raise ValueError(f"ship={path} is no file of weights; end it with .pt")
     config: Any = OmegaConf.to_container(trained.cfg, resolve=True)
     for place in (config["data"], config["dataset"]["train"], config["dataset"]["val"]):
         place["root"] = f"data/{config['data']['name']}"

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from fusion_net.common.atomic import replacing
 from fusion_net.reports.tables import name_of
 
+RESULT = "eval/result.json"
+"""Where a run keeps the one of its own validation."""
 SCALE = 10_000
 """``mAP_resampled`` counts in ten thousandths."""
 DROPPED = ("num_gt", "delta_mAP", "delta_mAP_ci95")

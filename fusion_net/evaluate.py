@@ -4,11 +4,14 @@ import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
-from omegaconf import DictConfig
+from omegaconf import DictConfig, OmegaConf
 from torch.utils.data import DataLoader
 
 from fusion_net.common.cli.command import build
+from fusion_net.common.cli.command_line import as_override
+from fusion_net.common.cli.composed import composed
 from fusion_net.data.datamodule import NuScenesDataset, make_loader
 from fusion_net.evaluation.decoys import audit_decoys
 from fusion_net.evaluation.drop_table import SUBSETS, drop_table, predict
@@ -17,27 +20,37 @@ from fusion_net.evaluation.scoring import GroundTruth, ground_truth
 from fusion_net.metrics.results import write_results
 from fusion_net.models.fusion_net import FusionNet
 from fusion_net.models.precision import autocast
+from fusion_net.nuscenes.tables import manifest
 from fusion_net.reports import decoys
 from fusion_net.reports.plots import plot_drop_table
+from fusion_net.reports.run_result import RESULT, run_result, write_result
 from fusion_net.reports.tables import as_text, document, write_drop_table
-from fusion_net.run_dir import cut_short, environment, load_config, load_weights, refuse_other_data
+from fusion_net.run_dir import cut_short, environment, refuse_other_data
+from fusion_net.trained import Trained, ship, shipped, trained_run
 from fusion_net.viz.picture_sheet import picture_sheet
 
 RESULTS = "results_nusc.json"
+OF_A_RUN = ("best", "last")
+"""Checkpoints that every run has; another name without a run is of shipped weights."""
 
 
-def load_run(
-    folder: Path,
+def load_run(folder: Path, *, checkpoint: str = "best", **chosen: Any) -> tuple[FusionNet, NuScenesDataset, DictConfig]:
+    """A run's model in evaluation mode, samples to show it (:func:`open_samples`), and the settings it was trained with."""
+    trained = trained_run(folder, checkpoint)
+    return trained.model(), open_samples(trained, **chosen), trained.cfg
+
+
+def open_samples(
+    trained: Trained,
     *,
-    checkpoint: str = "best",
     split: str | None = None,
     root: str | Sequence[str] | None = None,
     version: str | None = None,
     fault: DictConfig | None = None,
-) -> tuple[FusionNet, NuScenesDataset, DictConfig]:
-    """A trained model in evaluation mode, the samples of a split with ``fault`` applied, and the settings it was trained
-    with. ``split``, ``root`` and ``version`` are those that the run validated on where they are None."""
-    cfg = load_config(folder)
+) -> NuScenesDataset:
+    """The samples of a split with ``fault`` applied. ``split``, ``root`` and ``version`` are those that the detector was
+    validated on where they are None; then the data must be what it was trained on."""
+    cfg = trained.cfg
     settings = cfg.dataset.val.copy()
     own_version = cfg.data.get("version")
     is_own_data = (root is None or is_same_data(root, cfg.data.root)) and version in (None, own_version)
@@ -48,12 +61,10 @@ def load_run(
     settings.split = split or settings.split
     if fault is not None:
         settings.faults = fault
-    model = build(cfg.model, "model")
-    load_weights(model, folder / "checkpoints" / f"{checkpoint}.ckpt")
-    dataset = build(settings, "dataset")
+    dataset: NuScenesDataset = build(settings, "dataset")
     if is_own_data:
-        refuse_other_data(folder, dataset.fingerprint)
-    return model.eval(), dataset, cfg
+        _check_data(trained, dataset)
+    return dataset
 
 
 def evaluate_run(cfg: DictConfig) -> None:
@@ -62,55 +73,53 @@ def evaluate_run(cfg: DictConfig) -> None:
     for name in ("batch_size", "bootstrap"):
         if cfg[name] < 1:
             raise ValueError(f"{name}={cfg[name]} must be at least 1")
-    folder = Path(cfg.run)
-    model, dataset, trained = load_run(
-        folder,
-        checkpoint=cfg.checkpoint,
-        split=cfg.split,
-        root=cfg.data.root,
-        version=cfg.data.version,
-        fault=cfg.fault,
-    )
-    own_split, own_root = trained.dataset.val.split, trained.data.root
+    if cfg.ship and not cfg.ship.endswith(".pt"):
+        raise ValueError(f"ship={cfg.ship} is no file of weights; end it with .pt")
+    trained = _trained(cfg)
+    dataset = open_samples(trained, split=cfg.split, root=cfg.data.root, version=cfg.data.version, fault=cfg.fault)
+    model = trained.model()
+    own_split, own_root = trained.cfg.dataset.val.split, trained.cfg.data.root
     split, root = cfg.split or own_split, cfg.data.root or own_root
     target = result_folder(
-        folder,
+        trained.folder,
         dataset.datasets,
         split=split,
         own_split=own_split,
         root=root,
         own_root=own_root,
         version=cfg.data.version,
-        own_version=trained.data.get("version"),
-        checkpoint=cfg.checkpoint,
+        own_version=trained.cfg.data.get("version"),
+        checkpoint="best" if trained.is_shipped else cfg.checkpoint,
         fault=f"{cfg.fault.name}_{cfg.fault.severity}" if dataset.reader.faults else "",
     )
     truth = ground_truth(dataset)
     batches = make_loader(dataset, batch_size=cfg.batch_size)
-    with autocast(trained.trainer.precision):
+    with autocast(trained.cfg.trainer.precision):
         if not len(truth.labels):
             _write_predictions(target, model, batches, truth)
             print(f"split={split} of {root}: nothing to score against, {_no_labels(dataset)}; wrote {target}/{RESULTS}")
             return
-        table = drop_table(model, batches, truth, seed=trained.seed, resamples=cfg.bootstrap)
+        table = drop_table(model, batches, truth, seed=trained.cfg.seed, resamples=cfg.bootstrap)
     surroundings = environment()
     doc = document(
         table,
-        run=str(folder),
+        run=str(trained.folder),
         split=split,
         num_samples=len(dataset),
-        seed=trained.seed,
+        seed=trained.cfg.seed,
         command=surroundings["command"],
         git=surroundings["git"],
     )
     if dataset.reader.faults:
         doc["fault"] = {"name": cfg.fault.name, "severity": cfg.fault.severity}
-    if cut := cut_short(folder):
+    if cut := cut_short(trained.folder):
         doc["notes"].append(cut)
     audit = audit_decoys(truth, dataset.index, table.tables)
     if audit:
         doc["decoys"] = audit
     write_drop_table(target, doc)
+    scored = {"checkpoint": trained.source.name, "data": dataset.fingerprint, "scenes": len(set(truth.scenes))}
+    write_result(target / Path(RESULT).name, run_result(trained.record, doc, table.resampled, scored=scored))
     decoys.write(target, audit)
     (target / "env.json").write_text(json.dumps(surroundings, indent=1) + "\n", encoding="utf-8")
     write_results(target / RESULTS, table.tables[0], tokens=truth.tokens, classes=dataset.classes)
@@ -121,6 +130,39 @@ def evaluate_run(cfg: DictConfig) -> None:
         print(f"\n{decoys.as_text(audit)}")
     files = ["drop_table.{json,csv,md,png}", RESULTS, "pictures.png", *(["decoys.{csv,md}"] if audit else [])]
     print(f"\nwrote {target}/: {', '.join(files)}", file=sys.stderr)
+    if cfg.ship:
+        manifests = [manifest(nusc.root) for nusc in dataset.datasets]
+        path = ship(Path(cfg.ship), trained, table=doc, manifests=manifests)
+        print(f"wrote {path}: {path.stat().st_size / 1e6:.1f} MB", file=sys.stderr)
+
+
+def evaluate_finished(folder: Path) -> None:
+    """What ``eval.py run=FOLDER`` does, from within another command."""
+    evaluate_run(composed("eval", f"run={as_override(str(folder))}"))
+
+
+def _trained(cfg: DictConfig) -> Trained:
+    """What ``run`` and ``checkpoint`` name: a run's checkpoint, or without a run shipped weights."""
+    if OmegaConf.is_missing(cfg, "run") and cfg.checkpoint not in OF_A_RUN:
+        if cfg.ship:
+            raise ValueError(f"ship={cfg.ship} ships a run; write run=runs/NAME")
+        return shipped(cfg.checkpoint)
+    trained = trained_run(Path(cfg.run), cfg.checkpoint)
+    return trained.compact() if cfg.ship else trained
+
+
+def _check_data(trained: Trained, dataset: NuScenesDataset) -> None:
+    """A run's own data must be what it was trained on. Shipped weights may be scored on what a later generator made in the
+    same place, but then it is said."""
+    if not trained.is_shipped:
+        refuse_other_data(trained.folder, dataset.fingerprint)
+    elif dataset.fingerprint != trained.record["data"]:
+        here, there = (", ".join(each[:12] for each in both) for both in (dataset.fingerprint, trained.record["data"]))
+        print(
+            f"warning: {trained.source.name} was trained on data of other settings (manifest {there}, here {here}): its"
+            " scores differ, and scenes scored here may be among those it has seen",
+            file=sys.stderr,
+        )
 
 
 def _write_predictions(target: Path, model: FusionNet, batches: DataLoader, truth: GroundTruth) -> None:

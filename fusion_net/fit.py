@@ -20,10 +20,12 @@ from fusion_net.common.cli.command import build
 from fusion_net.common.cli.command_line import command_line
 from fusion_net.data.batch import Batch
 from fusion_net.data.datamodule import NuScenesDataset, StepSampler, keep_memory, make_loader, train_loader
+from fusion_net.evaluate import evaluate_finished
 from fusion_net.evaluation.scoring import ground_truth
 from fusion_net.models.fusion_net import FusionNet
 from fusion_net.models.precision import autocast, resolve
 from fusion_net.run_dir import mark_finished, open_run, resume_step, run_folder
+from fusion_net.trained import initialise
 from fusion_net.training.callbacks import MetricsCSV, PlanCallback
 from fusion_net.training.interruption import Interruption, handlers_restored
 from fusion_net.training.module import DetectorModule
@@ -49,6 +51,8 @@ def fit(cfg: DictConfig) -> Path:
         raise ValueError(f"dataset.workers={cfg.dataset.workers} is not a number of processes; 0 reads in this one")
     set_threads(settings.threads)
     model = build(cfg.model, "model")
+    if cfg.init is not None:
+        initialise(model, cfg.init)
     train_set, val_set = _datasets(cfg)
     plan = _plan(cfg)
     module = DetectorModule(
@@ -103,7 +107,10 @@ def fit(cfg: DictConfig) -> Path:
         ) from error
     if trainer.is_global_zero:
         mark_finished(folder, steps=trainer.global_step, planned=plan.total_steps)
-        print(f"done; score it with: {command_line('eval.py', run=folder)}")
+        if cfg.evaluate:
+            evaluate_finished(folder)
+        else:
+            print(f"done; score it with: {command_line('eval.py', run=folder)}")
     return folder
 
 

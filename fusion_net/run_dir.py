@@ -15,11 +15,15 @@ from omegaconf import DictConfig, OmegaConf
 from yaml import YAMLError
 
 from fusion_net.common.atomic import replacing
-from fusion_net.common.cli.command_line import command_line
+from fusion_net.common.cli.command_line import command_line, job_number, job_overrides
 from fusion_net.common.settings import differences
+from fusion_net.models.weights_file import fit_weights
+from fusion_net.reports.run_result import RESULT
 
 LONGEST_NAME = 200
 """Bytes of a folder's name; file systems take 255."""
+ABOUT_THE_FOLDER = ("name", "resume", "overwrite", "skip_finished", "evaluate")
+"""Settings that say what to do with a run's folder, and not what the run is."""
 FREE_ON_RESUME = (
     "data.", "dataset.train.root", "dataset.val.root", "dataset.train.version", "dataset.val.version", "dataset.workers",
     "dataset.cache", "dataset.train.cache", "dataset.val.cache", "trainer.max_minutes", "trainer.save_every",
@@ -61,22 +65,23 @@ def open_run(folder: Path, cfg: DictConfig, *, resume: bool, overwrite: bool, da
             f"{folder} exists; pass name=ANOTHER, resume=true to go on, or overwrite=true to start it again"
         )
     if not goes_on:
-        for old in ("metrics.csv", "checkpoints/last.ckpt", "checkpoints/best.ckpt"):
+        for old in ("metrics.csv", "checkpoints/last.ckpt", "checkpoints/best.ckpt", RESULT):
             (folder / old).unlink(missing_ok=True)
     (folder / "checkpoints").mkdir(parents=True, exist_ok=True)
     _write(folder / "config.yaml", OmegaConf.to_yaml(cfg, resolve=True))
-    _write_surroundings(folder, environment() | {"data": list(data)})
+    job = {"overrides": job_overrides(), "job": job_number()}
+    _write_surroundings(folder, environment() | job | {"data": list(data)})
     return folder
 
 
 def mark_finished(folder: Path, *, steps: int, planned: int) -> None:
     """Notes in env.json that the run is over, and after how many of its planned steps."""
-    _write_surroundings(folder, _surroundings(folder) | {"finished": True, "steps": steps, "planned_steps": planned})
+    _write_surroundings(folder, surroundings(folder) | {"finished": True, "steps": steps, "planned_steps": planned})
 
 
 def cut_short(folder: Path) -> str:
     """What to say beside the scores of a run that a time limit ended before its plan did; "" for others."""
-    noted = _surroundings(folder)
+    noted = surroundings(folder)
     steps, planned = noted.get("steps", 0), noted.get("planned_steps", 0)
     if steps >= planned:
         return ""
@@ -90,12 +95,12 @@ def is_finished(folder: Path, cfg: DictConfig) -> bool:
     ours, theirs = (_settings(each) for each in (cfg, load_config(folder)))
     if differs := differences(theirs, ours):
         raise ValueError(f"{folder} is a run with other settings ({', '.join(differs[:3])}); move it away or delete it")
-    return bool(_surroundings(folder).get("finished"))
+    return bool(surroundings(folder).get("finished"))
 
 
 def refuse_other_data(folder: Path, data: Sequence[str]) -> None:
     """ValueError when the run was trained on data of other settings than those with these fingerprints."""
-    trained = _surroundings(folder).get("data", [])
+    trained = surroundings(folder).get("data", [])
     if trained and trained != list(data):
         hashes = [", ".join(each[:12] or "none" for each in both) for both in (trained, data)]
         raise ValueError(
@@ -123,13 +128,13 @@ def load_config(folder: Path) -> DictConfig:
 
 def load_weights(model: torch.nn.Module, checkpoint: Path) -> None:
     """Loads a checkpoint's model into ``model``. ValueError when it belongs to another model or is damaged."""
-    _fit_weights(model, read_checkpoint(checkpoint), checkpoint)
+    fit_weights(model, model_weights(read_checkpoint(checkpoint)), checkpoint)
 
 
 def resume_step(model: torch.nn.Module, checkpoint: Path) -> int:
     """The step that a checkpoint was written at. ValueError when it belongs to another model or is damaged."""
     state = read_checkpoint(checkpoint)
-    _fit_weights(model, state, checkpoint)
+    fit_weights(model, model_weights(state), checkpoint)
     return int(state["global_step"])
 
 
@@ -149,16 +154,10 @@ def read_checkpoint(checkpoint: Path) -> dict[str, Any]:
         ) from error
 
 
-def _fit_weights(model: torch.nn.Module, checkpoint_state: dict[str, Any], checkpoint: Path) -> None:
+def model_weights(checkpoint_state: dict[str, Any]) -> dict[str, torch.Tensor]:
+    """The averaged weights of the model in a checkpoint."""
     state = checkpoint_state["state_dict"]
-    weights = {key.removeprefix("model."): value for key, value in state.items() if key.startswith("model.")}
-    own = model.state_dict()
-    wrong = [k for k in own if k not in weights or weights[k].shape != own[k].shape] + [
-        k for k in weights if k not in own
-    ]
-    if wrong:
-        raise ValueError(f"{checkpoint} is of another model: {len(wrong)} tensors differ, the first is '{wrong[0]}'")
-    model.load_state_dict(weights)
+    return {key.removeprefix("model."): value for key, value in state.items() if key.startswith("model.")}
 
 
 def environment() -> dict[str, Any]:
@@ -166,8 +165,9 @@ def environment() -> dict[str, Any]:
     import lightning
     import numpy
 
+    typed = [word for word in sys.argv[1:] if not word.startswith("hydra.job.config.")]  # which the command line added
     return {
-        "command": shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]]),
+        "command": shlex.join([Path(sys.argv[0]).name, *typed]),
         "git": git_revision(),
         "python": platform.python_version(),
         "torch": torch.__version__,
@@ -191,7 +191,7 @@ def git_revision() -> str:
     return revision + ("+" if revision and git("status", "--porcelain", "--untracked-files=no") else "")
 
 
-def _surroundings(folder: Path) -> dict[str, Any]:
+def surroundings(folder: Path) -> dict[str, Any]:
     """The run's env.json; {} where there is none."""
     path = folder / "env.json"
     if not path.exists():
@@ -202,8 +202,8 @@ def _surroundings(folder: Path) -> dict[str, Any]:
         raise ValueError(f"{path} is damaged ({error}); delete it, or train the run again") from error
 
 
-def _write_surroundings(folder: Path, surroundings: dict[str, Any]) -> None:
-    _write(folder / "env.json", json.dumps(surroundings, indent=1) + "\n")
+def _write_surroundings(folder: Path, values: dict[str, Any]) -> None:
+    _write(folder / "env.json", json.dumps(values, indent=1) + "\n")
 
 
 def _write(path: Path, text: str) -> None:
@@ -221,8 +221,7 @@ def _processor() -> str:
 def _settings(cfg: DictConfig) -> dict[str, Any]:
     """What a run's result depends on: its settings without those that say how to treat a folder that exists."""
     settings: Any = OmegaConf.to_container(cfg, resolve=True)
-    about_the_folder = ("name", "resume", "overwrite", "skip_finished")
-    return {key: value for key, value in settings.items() if key not in about_the_folder}
+    return {key: value for key, value in settings.items() if key not in ABOUT_THE_FOLDER}
 
 
 def _refuse_other_settings(folder: Path, cfg: DictConfig) -> None:

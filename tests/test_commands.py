@@ -21,6 +21,7 @@ ENVIRONMENT = os.environ | {"OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
 ASSET_SHEET = ["-m", "data_gen.pictures.asset_sheet"]
 DATA_GEN = ["-m", "data_gen", "data=nano", "workers=1"]
 SHEET, PREVIEW = ["-m", "data_gen.pictures.contact_sheet"], ["-m", "data_gen.pictures.rig_preview"]
+ABLATION = ["-m", "fusion_net.reports.ablation"]
 STATISTICS, LIDAR_CHECK = ["-m", "fusion_net.reports.statistics"], ["-m", "fusion_net.viz.lidar_check"]
 TRAIN, EVAL = [str(PROJECT / "train.py"), "trainer=smoke"], [str(PROJECT / "eval.py")]
 
@@ -82,6 +83,11 @@ MISTAKES = [
     (TRAIN, "data.root=nowhere", "no data in nowhere; make some: python -m data_gen data=nano data.root=nowhere"),
     (EVAL, "rum=runs/base", "did you mean run?"),
     (EVAL, "split=val", "run is needed; write run=VALUE"),
+    (EVAL, "checkpoint=nanoo", "no shipped weights nanoo; there are"),
+    (EVAL, "run=a ship=a.ckpt", "ship=a.ckpt is no file of weights; end it with .pt"),
+    (TRAIN, "init=nanoo", "init=nanoo: no shipped weights nanoo; there are"),
+    (ABLATION, "runs/sweeps/none", "no job of a sweep in runs/sweeps/none"),
+    (ABLATION, "collect=true", "folder is needed; write folder=VALUE"),
     (EVAL, "run=runs/nothing", "no run at runs/nothing"),
     (DATA_GEN, "data.num_scenes=0", "num_scenes=0"),
     (DATA_GEN, "seed=abc", "seed=abc is not a whole number"),
@@ -268,10 +274,8 @@ def test_shards_made_side_by_side_train_and_are_scored_as_one_data_set(data, tra
 def test_a_sweep_does_what_is_left_and_a_job_that_fails_stops_no_other(data, tmp_path):
     steps = ("trainer.camera_steps=2", "trainer.camera_only_steps=2", "trainer.fusion_steps=4")
     command = [*TRAIN, "-m", "+sweep=seeds", "seed=1,2", *steps, f"data.root={data}"]
-    code, printed, _ = run(command, tmp_path)
-    assert code == 0
-    for advice in advised(printed):
-        assert run([*advice, "bootstrap=2"], tmp_path)[0] == 0
+    code, _, error = run(command, tmp_path)
+    assert code == 0, error
     sweep = tmp_path / "runs/sweeps/seeds"
     one, two = sorted(path for path in sweep.iterdir() if path.is_dir())
     assert [one.name[:6], two.name[:6]] == ["seed-1", "seed-2"]
@@ -289,6 +293,14 @@ def test_a_sweep_does_what_is_left_and_a_job_that_fails_stops_no_other(data, tmp
     assert f"{one.name} is a run with other settings (modality_dropout: 0.4 there, 0.3 asked for)" in error
     assert "Traceback" not in error
     assert json.loads((two / "env.json").read_text())["finished"]
+    (two / "eval/result.json").unlink()  # not scored: the same command does that
+    assert run(command, tmp_path)[0] == 1
+    assert (two / "eval/result.json").exists()
+    code, out, error = run(["-m", "fusion_net.reports.ablation", "runs/sweeps/seeds", "collect=true"], tmp_path)
+    assert code == 0, error
+    assert "Missing" not in out
+    assert len(list((tmp_path / "docs/results/runs/seeds").glob("seed-*.json"))) == 2
+    assert (tmp_path / "docs/results/seeds/ablation.png").exists()
 
 
 @pytest.mark.slow
@@ -317,7 +329,9 @@ def test_the_commands_that_messages_advise_can_be_given(tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "command", [TRAIN, EVAL, DATA_GEN, SHEET, PREVIEW, STATISTICS, LIDAR_CHECK], ids=lambda command: command[-1][-12:]
+    "command",
+    [TRAIN, EVAL, DATA_GEN, SHEET, PREVIEW, STATISTICS, LIDAR_CHECK, ABLATION],
+    ids=lambda command: command[-1][-12:],
 )
 @pytest.mark.parametrize(
     "flags", [["--help"], ["--cfg", "job"], ["--info", "defaults-tree"]], ids=lambda flags: flags[0]

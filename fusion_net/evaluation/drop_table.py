@@ -28,6 +28,8 @@ SUBSETS = (
     ("radar",),
 )  # fmt: skip
 """The rows of the table, always these and in this order."""
+RESAMPLING_SEED = 0
+"""Of the resampled scenes: not the run's own, so that the differences of two runs are paired too."""
 
 
 class Detector(Protocol):
@@ -48,6 +50,7 @@ class DropTable:
     random: dict[str, Any]
     tables: list[SampleBoxes]  # of each row; the first is what results_nusc.json holds
     found: list[dict[str, Boxes]]  # of each row: predictions by token in the ego frame
+    resampled: NDArray[np.float64]  # (rows, R) mAP of each row on each resample of the scenes
 
 
 def drop_table(
@@ -60,14 +63,15 @@ def drop_table(
     device: str = "cpu",
 ) -> DropTable:
     """Scores all subsets. ``batches`` hold every sample of ``truth`` once, in any order; each is read once and shown to the
-    model seven times. All rows are scored on the same ``resamples`` sets of resampled scenes: differences are paired."""
+    model seven times. All rows, and all models that are scored on the same data, are scored on the same ``resamples`` sets of
+    resampled scenes: differences are paired. ``seed``: of the random guess."""
     found, milliseconds = predict(model, batches, device=device)
     missing = [token for token in truth.tokens if token not in found[0]]
     if missing:
         raise ValueError(
             f"drop table: no predictions for {len(missing)} of {len(truth.tokens)} samples, first {missing[0]}"
         )
-    copies = resample_scenes(truth.scenes, resamples=resamples, rng=np.random.default_rng([seed, 0]))
+    copies = resample_scenes(truth.scenes, resamples=resamples, rng=np.random.default_rng(RESAMPLING_SEED))
     tables = [truth.table([boxes[token] for token in truth.tokens]) for boxes in found]
     chance = truth.table(random_guess(truth, rng=np.random.default_rng([seed, 1])))
     rows: list[dict[str, Any]] = []
@@ -82,7 +86,7 @@ def drop_table(
         first = rows[0] if rows else row
         row |= {"delta_mAP": row["mAP"] - first["mAP"], "delta_mAP_ci95": interval(resampled[-1] - resampled[0])}
         rows.append(row)
-    return DropTable(rows[:-1], rows[-1], tables, found)
+    return DropTable(rows[:-1], rows[-1], tables, found, np.stack(resampled[:-1]))
 
 
 def describe(score: DetectionMetrics) -> dict[str, Any]:

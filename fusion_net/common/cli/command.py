@@ -98,7 +98,8 @@ def one_line(error: BaseException) -> str:
         key = str(error.full_key or "a value")  # type: ignore[attr-defined]
         return f"{key} is needed; write {key}=VALUE"
     if isinstance(error, MissingConfigException) and "hydra/launcher" in str(error):
-        return f"{str(error).splitlines()[0]}; launchers are installed with: python -m pip install -e '.[launchers]'"
+        extra = "ray" if "launcher/ray" in str(error) else "launchers"
+        return f"{str(error).splitlines()[0]}; launchers are installed with: python -m pip install -e '.[{extra}]'"
     inner = re.search(r"Original Traceback.*^\w+: (.*)", str(error), re.DOTALL | re.MULTILINE)  # of a loader's process
     text = re.sub(r"\x1b\[[0-9;]*m", "", " ".join((inner.group(1) if inner else str(error)).split()))
     violated = re.search(r"parameter (\w+)=(.*?) violates type hint (.*?), as", text)

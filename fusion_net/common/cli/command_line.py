@@ -10,6 +10,7 @@ from hydra.core.hydra_config import HydraConfig
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import Quote, QuotedString
 from hydra.errors import HydraException
+from hydra.types import RunMode
 from omegaconf import OmegaConf
 
 PLAIN = re.compile(r"[A-Za-z_./][\w./+-]*", re.ASCII)
@@ -61,10 +62,19 @@ def job_folder(overrides: Sequence[str]) -> str:
     return f"{name[: LONGEST - len(digest) - 1]}-{digest}"
 
 
-def _of_this_job() -> str:
+def job_overrides() -> list[str]:
+    """The overrides of this command, or of this job of a sweep, that its result depends on; [] outside of a command."""
+    if not HydraConfig.initialized():
+        return []
     job = HydraConfig.get()
     left_out = set(job.job.config.override_dirname.exclude_keys)
-    return job_folder([text for text in job.overrides.task if text.split("=", 1)[0].lstrip("+~") not in left_out])
+    return [text for text in job.overrides.task if text.split("=", 1)[0].lstrip("+~") not in left_out]
 
 
-OmegaConf.register_new_resolver("job_folder", _of_this_job, replace=True)
+def job_number() -> int | None:
+    """This job's place in its sweep, from 0; None outside of a sweep."""
+    is_job = HydraConfig.initialized() and HydraConfig.get().mode == RunMode.MULTIRUN
+    return int(HydraConfig.get().job.num) if is_job else None
+
+
+OmegaConf.register_new_resolver("job_folder", lambda: job_folder(job_overrides()), replace=True)

@@ -28,6 +28,7 @@ COMMANDS = {
     "asset_sheet": "python -m data_gen.pictures.asset_sheet",
     "contact_sheet": "python -m data_gen.pictures.contact_sheet",
     "rig_preview": "python -m data_gen.pictures.rig_preview",
+    "ablation": "python -m fusion_net.reports.ablation",
     "statistics": "python -m fusion_net.reports.statistics",
     "lidar_check": "python -m fusion_net.viz.lidar_check",
 }

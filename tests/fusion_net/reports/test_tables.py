@@ -5,6 +5,7 @@ import io
 import json
 
 import cv2
+import numpy as np
 import pytest
 
 from fusion_net.evaluation.drop_table import SUBSETS, DropTable
@@ -24,7 +25,7 @@ def row(sensors, mAP):
 @pytest.fixture
 def doc():
     rows = [row(sensors, 0.8 - 0.1 * i) for i, sensors in enumerate(SUBSETS)]
-    table = DropTable(rows, row((), 0.001), [], [])
+    table = DropTable(rows, row((), 0.001), [], [], np.zeros((len(rows), 2)))
     return document(
         table, run="demo", split="nano_val", num_samples=320, seed=1, command="eval.py run=runs/demo", git="abc"
     )

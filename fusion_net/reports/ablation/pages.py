@@ -1,0 +1,97 @@
+"""The comparison of variants as Markdown and for a terminal."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from fusion_net.reports.ablation.compare import NAMES
+from fusion_net.reports.tables import UNITS, aligned, piped
+
+NOTES = (
+    "Cells: mean over seeds ± standard deviation; n: seeds with a result. mAP by sensors given at evaluation; NDS, errors and"
+    " decoy AUC with every sensor that the network has. A network built for fewer sensors has its own column only.",
+    "Differences: mAP minus the reference's, over the seeds that both have, with 95 % intervals by bootstrap over seeds and"
+    " scenes. Intervals of two or three seeds are rather too narrow; of one seed they know nothing of seeds.",
+    "decoy AUC: how often a real object scores above a copy of it, mean over classes. minutes: training, without validation.",
+)
+Shape = Callable[[list[list[str]]], list[str]]
+
+
+def as_markdown(doc: dict[str, Any]) -> str:
+    """The page that is committed."""
+    title = [f"# {doc['sweep']}", "", *_about(doc), ""]
+    return "\n".join([*title, *_tables(doc, piped), *(f"* {note}" for note in _notes(doc))]) + "\n"
+
+
+def as_text(doc: dict[str, Any]) -> str:
+    """The same, aligned."""
+    return "\n".join([doc["sweep"], "", *_tables(doc, aligned), *_notes(doc)])
+
+
+def _tables(doc: dict[str, Any], shape: Shape) -> list[str]:
+    lines = [*shape(_scores(doc)), ""]
+    if any(variant["difference"] for variant in doc["variants"]):
+        lines += [f"mAP minus that of `{doc['reference']}`:", "", *shape(_differences(doc)), ""]
+    missing = [f"{v['label']}, seed {seed}: {why}" for v in doc["variants"] for seed, why in v["missing"].items()]
+    if missing:
+        lines += [f"Missing: {len(missing)}, in no figure above.", "", *(f"* {each}" for each in missing), ""]
+    return lines
+
+
+def _scores(doc: dict[str, Any]) -> list[list[str]]:
+    columns = ["NDS", "mAOE", "mAVE", "decoy_AUC", "minutes", "steps"]
+    heads = [f"{name} {UNITS[name]}" if name in UNITS else name.replace("_", " ") for name in columns]
+    cells = [["variant", *_shown(doc), *heads, "n"]]
+    for variant in doc["variants"]:
+        scores = [_mean(variant["mAP"].get(name)) for name in _shown(doc)]
+        figures = [_mean(variant[name], {"minutes": 1, "steps": 0}.get(name, 3)) for name in columns]
+        cells.append([variant["label"], *scores, *figures, str(variant["n"])])
+    return cells
+
+
+def _differences(doc: dict[str, Any]) -> list[list[str]]:
+    cells = [["variant", *_shown(doc), "n"]]
+    for variant in doc["variants"]:
+        found = [variant["difference"].get(name) for name in _shown(doc)]
+        if any(found):
+            cells.append([variant["label"], *map(_change, found), str(max(each["n"] for each in found if each))])
+    return cells
+
+
+def _shown(doc: dict[str, Any]) -> list[str]:
+    return [name for name in NAMES if any(name in variant["mAP"] for variant in doc["variants"])]
+
+
+def _mean(figure: dict[str, Any] | None, digits: int = 3) -> str:
+    if figure is None or figure["mean"] is None:
+        return "-"
+    sd = "" if figure["sd"] is None or not digits else f" ± {figure['sd']:.{digits}f}"
+    return f"{figure['mean']:.{digits}f}{sd}"
+
+
+def _change(difference: dict[str, Any] | None) -> str:
+    if difference is None:
+        return "-"
+    low, high = difference["ci95"]
+    return f"{difference['mean']:+.3f} [{low:+.3f}, {high:+.3f}]"
+
+
+def _about(doc: dict[str, Any]) -> Sequence[str]:
+    data, hashes = doc["scored"], ", ".join(each[:12] for each in doc["scored"]["data"])
+    settings = ", ".join(f"{key}={value}" for key, value in doc["settings"].items())
+    return [
+        f"`python train.py -m +sweep={doc['sweep']}`; this page: `{doc['command']}`.",
+        "",
+        f"Scored on {data['num_samples']} samples ({data['scenes']} scenes) of {data['split']}, data"
+        f" {hashes or 'of no manifest'}. Code at {', '.join(doc['git'])}; {', '.join(doc['processor'])}."
+        + (f" In all jobs: {settings}." if settings else ""),
+    ]
+
+
+def _notes(doc: dict[str, Any]) -> list[str]:
+    notes = list(NOTES)
+    for name, what in (("git", "commits"), ("processor", "processors")):
+        if len(doc[name]) > 1:
+            notes.append(f"The jobs ran at several {what}: {', '.join(doc[name])}.")
+    for key, values in doc["beside"].items():
+        notes.append(f"**The jobs differ in more than their variant**: {key} is {' and '.join(values)}.")
+    return notes

@@ -1,0 +1,62 @@
+"""``result.json``: the scores of one run in less than 20 kB, with all that a comparison of runs needs."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fusion_net.common.atomic import replacing
+from fusion_net.reports.tables import name_of
+
+RESULT = "eval/result.json"
+"""Where a run keeps the one of its own validation."""
+SCALE = 10_000
+"""``mAP_resampled`` counts in ten thousandths."""
+DROPPED = ("num_gt", "delta_mAP", "delta_mAP_ci95")
+"""Columns of a row that are the same in all, or follow from the others."""
+
+
+def run_result(
+    record: dict[str, Any], doc: dict[str, Any], resampled: NDArray[np.float64], *, scored: dict[str, Any]
+) -> dict[str, Any]:
+    """What is kept. ``record``: what the run was; ``doc``: its drop table as ``drop_table.json`` holds it; ``resampled``
+    (7, R): mAP of each row on each resample of the scenes; ``scored``: on which data, split and checkpoint."""
+    names = [name_of(row["sensors"]) for row in doc["rows"]]
+    rows = [{key: value for key, value in row.items() if key not in DROPPED} for row in doc["rows"]]
+    counts = np.rint(SCALE * resampled).astype(int).tolist()
+    return record | {
+        "scored": scored | {"git": doc["git"], "split": doc["split"], "num_samples": doc["num_samples"]},
+        "num_gt": doc["rows"][0]["num_gt"],
+        "rows": rounded(rows),
+        "decoys": rounded(doc.get("decoys", [])),
+        "mAP_resampled": dict(zip(names, counts, strict=True)),
+    }
+
+
+def write_result(path: Path, result: dict[str, Any]) -> None:
+    """One key a line, so that a diff shows what changed."""
+    lines = [f"{json.dumps(key)}: {json.dumps(value, separators=(',', ':'))}" for key, value in result.items()]
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with replacing(path) as file:
+        file.write(("{\n" + ",\n".join(lines) + "\n}\n").encode())
+
+
+def read_result(path: Path) -> dict[str, Any]:
+    """ValueError when the file is damaged."""
+    try:
+        result = json.loads(path.read_bytes())
+        result["rows"], result["mAP_resampled"], result["scored"]
+    except (ValueError, KeyError, TypeError) as error:
+        raise ValueError(f"{path} is no result of a run ({type(error).__name__}: {error}); delete it") from error
+    return dict(result)
+
+
+def rounded(value: Any) -> Any:
+    """Nested plain values with four decimals."""
+    if isinstance(value, dict):
+        return {key: rounded(inner) for key, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [rounded(inner) for inner in value]
+    return round(value, 4) if isinstance(value, float) else value

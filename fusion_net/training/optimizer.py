@@ -47,6 +47,7 @@ class MuonAdamW(torch.optim.AdamW):
 
     def __init__(self, groups: Iterable[dict], *, lr: float, momentum: float = 0.95) -> None:
         super().__init__([{"muon": False, "momentum": momentum, **group} for group in groups], lr=lr, fused=True)
+        self._step_supports_amp_scaling = False  # bfloat16 needs no loss scaling, and with it Lightning refuses to clip
 
     @torch.no_grad()
     def step(self, closure: Callable[[], float] | None = None) -> float | None:  # type: ignore[override]

@@ -32,7 +32,9 @@ def _load() -> ctypes.CDLL:
     package = Path(embreex.__file__).parent
     found = [*package.parent.glob("embreex.libs/*embree4*"), *package.glob(".dylibs/*embree4*")]
     if not found:
-        raise ImportError(f"no embree library lies beside {package}: install embreex from its wheel (pip install embreex)")
+        raise ImportError(
+            f"no embree library lies beside {package}: install embreex from its wheel (pip install embreex)"
+        )
     llvm.load_library_permanently(str(found[0]))
     return ctypes.CDLL(str(found[0]))
 

@@ -3,11 +3,10 @@
 import numpy as np
 
 from data_gen.jobs.jit import jit
-from data_gen.scene.embree import aim, intersect, occluded, packet
+from data_gen.scene.embree import PACKET, aim, intersect, occluded, packet
 
 _BLOCK, _GROUP = 32, 1024
 """Rays that follow each other and are tested against a sphere as one cone: first many, then few."""
-_PACKET = 16
 _SLACK = np.float32(0.01)
 """Metres by which a box is taken to begin nearer: it is a little smaller than what its body's triangles round to."""
 
@@ -17,8 +16,8 @@ def meet_world(tree, origins, directions, max_range, distance, body, face, norma
     """Write what each ray meets of the static world within ``max_range`` to ``distance``, ``body``, ``face`` and ``normal``,
     which are set for rays that meet nothing."""
     rays, ids = packet()
-    for first in range(0, len(directions), _PACKET):
-        count = min(_PACKET, len(directions) - first)
+    for first in range(0, len(directions), PACKET):
+        count = min(PACKET, len(directions) - first)
         for k in range(count):
             o, d = origins[first + k], directions[first + k]
             aim(rays, k, o[0], o[1], o[2], d[0], d[1], d[2], max_range)
@@ -33,24 +32,23 @@ def meet_world(tree, origins, directions, max_range, distance, body, face, norma
 
 @jit
 def meet_bodies(
-    trees, starts, origins, directions, which, at, position, cos, sin, each, bounds, max_range, counted, distance, body,
+    trees, starts, origins, directions, which, at, pose, position, cos, sin, bounds, max_range, counted, distance, body,
     face, normal, local,
 ):  # fmt: skip
     """Write the hits of bodies where they are the nearest so far; returns how many rays would meet each body (A,), had nothing
     stood in the way, if that is to be ``counted``.
 
     ``trees`` (A,) and ``starts`` (A,): each body's tree and its first face. Pairs of a body ``which`` (K,), in order, and a ray
-    ``at`` (K,) are cast if the ray passes the body's box ``bounds`` (A, 2, 3). ``position``, ``cos`` and ``sin`` hold a pose
-    for ``each`` pair, or else one a body.
+    ``at`` (K,) are cast if the ray passes the body's box ``bounds`` (A, 2, 3). ``pose`` (K,) is the body's at that ray's time,
+    an index of ``position``, ``cos`` and ``sin``.
     """
     met = np.zeros(len(trees), np.int64)
     near, near_ids = packet()
     hidden, hidden_ids = packet()
-    queue, turn = np.empty(_PACKET, np.int64), np.empty((_PACKET, 2), np.float32)
+    queue, turn = np.empty(PACKET, np.int64), np.empty((PACKET, 2), np.float32)
     waiting = behind = 0
     for k in range(len(which)):
-        i, b = at[k], which[k]
-        p = k if each else b
+        i, b, p = at[k], which[k], pose[k]
         ox, oy, oz, dx, dy, dz, enter, leave = _into_body(
             origins[i], directions[i], position[p], cos[p], sin[p], bounds[b]
         )
@@ -63,12 +61,12 @@ def meet_bodies(
                 aim(hidden, behind, ox, oy, oz, dx, dy, dz, max_range)
                 behind += 1
         last = k + 1 == len(which) or which[k + 1] != b
-        if behind == _PACKET or (last and behind):
+        if behind == PACKET or (last and behind):
             occluded(trees[b], hidden, hidden_ids, behind)
             for j in range(behind):
                 met[b] += hidden[8, j] < 0
             behind = 0
-        if waiting == _PACKET or (last and waiting):
+        if waiting == PACKET or (last and waiting):
             intersect(trees[b], near, near_ids, waiting)
             for j in range(waiting):
                 i, t = queue[j], near[8, j]
@@ -91,8 +89,8 @@ def meet_bodies(
 def blocked_by_world(tree, origins, directions, limit, blocked):
     """Set ``blocked`` where a ray meets the static world nearer than ``limit``."""
     rays, ids = packet()
-    for first in range(0, len(directions), _PACKET):
-        count = min(_PACKET, len(directions) - first)
+    for first in range(0, len(directions), PACKET):
+        count = min(PACKET, len(directions) - first)
         for k in range(count):
             o, d = origins[first + k], directions[first + k]
             aim(rays, k, o[0], o[1], o[2], d[0], d[1], d[2], limit[first + k])
@@ -102,16 +100,13 @@ def blocked_by_world(tree, origins, directions, limit, blocked):
 
 
 @jit
-def blocked_by_bodies(
-    trees, origins, directions, limit, which, at, position, cos, sin, each, bounds, blocked
-):  # fmt: skip
+def blocked_by_bodies(trees, origins, directions, limit, which, at, pose, position, cos, sin, bounds, blocked):
     """The same for bodies, of those rays that nothing has blocked yet. Pairs and poses as in :func:`meet_bodies`."""
     rays, ids = packet()
-    queue = np.empty(_PACKET, np.int64)
+    queue = np.empty(PACKET, np.int64)
     waiting = 0
     for k in range(len(which)):
-        i, b = at[k], which[k]
-        p = k if each else b
+        i, b, p = at[k], which[k], pose[k]
         if not blocked[i]:
             ox, oy, oz, dx, dy, dz, enter, leave = _into_body(
                 origins[i], directions[i], position[p], cos[p], sin[p], bounds[b]
@@ -120,7 +115,7 @@ def blocked_by_bodies(
                 aim(rays, waiting, ox, oy, oz, dx, dy, dz, limit[i])
                 queue[waiting] = i
                 waiting += 1
-        if waiting == _PACKET or (waiting and (k + 1 == len(which) or which[k + 1] != b)):
+        if waiting == PACKET or (waiting and (k + 1 == len(which) or which[k + 1] != b)):
             occluded(trees[b], rays, ids, waiting)
             for j in range(waiting):
                 blocked[queue[j]] = rays[8, j] < 0
@@ -163,20 +158,21 @@ def finish(origins, directions, distance, body, normal, local):
 def passing(origins, directions, center, radius, max_range):
     """Pairs (sphere, ray), sorted by sphere, of rays that pass a sphere in front of them.
 
-    A block of rays that follow each other, as neighbours in a picture do, is first tested against the sphere as one cone, and
-    before it a group of blocks.
+    A block of rays that follow each other, as neighbours in a picture do, is first tested against the sphere as one cone and,
+    seen from above, as one wedge: a LiDAR's column is high, but narrow. Before it, a group of blocks is.
     """
     groups, blocks = _cones(origins, directions, _GROUP), _cones(origins, directions, _BLOCK)
-    which = np.empty(len(center) * len(directions), np.int32)
-    rays = np.empty(len(which), np.int32)
+    which, rays = np.empty(4096, np.int32), np.empty(4096, np.int32)
     count = 0
     for k in range(len(center)):
         cx, cy, cz, r = center[k, 0], center[k, 1], center[k, 2], radius[k]
-        for b in range(len(blocks[2])):
+        for b in range(len(blocks)):
             if b % (_GROUP // _BLOCK) == 0:
-                group_apart = _apart(cx, cy, cz, r, groups, b // (_GROUP // _BLOCK))
-            if group_apart or _apart(cx, cy, cz, r, blocks, b):
+                group_apart = _apart(cx, cy, cz, r, groups[b // (_GROUP // _BLOCK)])
+            if group_apart or _apart(cx, cy, cz, r, blocks[b]):
                 continue
+            if count + _BLOCK > len(which):
+                which, rays = np.append(which, which), np.append(rays, rays)
             for i in range(b * _BLOCK, min((b + 1) * _BLOCK, len(directions))):
                 x, y, z = cx - origins[i, 0], cy - origins[i, 1], cz - origins[i, 2]
                 along = x * directions[i, 0] + y * directions[i, 1] + z * directions[i, 2]
@@ -187,39 +183,57 @@ def passing(origins, directions, center, radius, max_range):
 
 
 @jit
-def _apart(cx, cy, cz, r, cones, b):
-    """Whether no ray of cone ``b`` can pass the sphere of radius ``r`` about (cx, cy, cz)."""
-    base, axis, sine, spread = cones
-    x, y, z = cx - base[b, 0], cy - base[b, 1], cz - base[b, 2]
-    along = x * axis[b, 0] + y * axis[b, 1] + z * axis[b, 2]
-    square = x * x + y * y + z * z
+def _apart(cx, cy, cz, r, cone):
+    """Whether no ray of a cone can pass the sphere of radius ``r`` about (cx, cy, cz)."""
+    x, y, z = cx - cone[0], cy - cone[1], cz - cone[2]
+    r += cone[_SPREAD]
+    return _outside(x * x + y * y + z * z, x * cone[3] + y * cone[4] + z * cone[5], cone[_SINE], r) or _outside(
+        x * x + y * y, x * cone[6] + y * cone[7], cone[_LEVEL_SINE], r
+    )
+
+
+@jit
+def _outside(square, along, sine, r):
     distance = np.sqrt(square)
-    reach = distance * sine[b] + r + spread[b]  # sin(a + b) <= sin(a) + sin(b)
+    reach = distance * sine + r  # sin(a + b) <= sin(a) + sin(b)
     return reach < distance and (along < 0 or square - along * along > reach * reach)
+
+
+_SINE, _LEVEL_SINE, _SPREAD = 8, 9, 10
+"""Columns of :func:`_cones` after the mean origin and the mean directions in space and from above."""
 
 
 @jit
 def _cones(origins, directions, size):
-    """Of each ``size`` rays: mean origin (B, 3), mean direction (B, 3), the sine of the largest angle from it and the largest
-    distance from the mean origin, both a little on the safe side."""
-    blocks = (len(directions) + size - 1) // size
-    base, axis = np.zeros((blocks, 3), np.float32), np.zeros((blocks, 3), np.float32)
-    sine, spread = np.empty(blocks, np.float32), np.empty(blocks, np.float32)
-    for b in range(blocks):
-        start, stop = b * size, min((b + 1) * size, len(directions))
-        for i in range(start, stop):
+    """Of each ``size`` rays (B, 11): mean origin, mean direction, mean direction seen from above, the sines of the largest
+    angles from either, and the largest distance from the mean origin, all three a little on the safe side."""
+    out = np.zeros(((len(directions) + size - 1) // size, 11), np.float32)
+    for b in range(len(out)):
+        cone, rays = out[b], range(b * size, min((b + 1) * size, len(directions)))
+        for i in rays:
+            level = np.sqrt(directions[i, 0] ** 2 + directions[i, 1] ** 2)
             for c in range(3):
-                base[b, c] += origins[i, c] / np.float32(stop - start)
-                axis[b, c] += directions[i, c]
-        length = np.sqrt(axis[b, 0] ** 2 + axis[b, 1] ** 2 + axis[b, 2] ** 2)
-        axis[b] /= max(length, np.float32(1e-6))
-        cosine, far = np.float32(1.0), np.float32(0.0)
-        for i in range(start, stop):
+                cone[c] += origins[i, c] / np.float32(len(rays))
+                cone[3 + c] += directions[i, c]
+            for c in range(2):
+                cone[6 + c] += directions[i, c] / max(level, np.float32(1e-6))
+        cone[3:6] /= max(np.sqrt(cone[3] ** 2 + cone[4] ** 2 + cone[5] ** 2), np.float32(1e-6))
+        cone[6:8] /= max(np.sqrt(cone[6] ** 2 + cone[7] ** 2), np.float32(1e-6))
+        cosine, level_cosine, far = np.float32(1.0), np.float32(1.0), np.float32(0.0)
+        for i in rays:
             ahead, square = np.float32(0.0), np.float32(0.0)
             for c in range(3):
-                ahead += directions[i, c] * axis[b, c]
-                square += (origins[i, c] - base[b, c]) ** 2
-            cosine, far = min(cosine, ahead), max(far, square)
-        sine[b] = min(np.sqrt(1 - cosine * cosine) + 1e-3, 1.0) if cosine > 0 else 1.0
-        spread[b] = np.sqrt(far) + 1e-3
-    return base, axis, sine, spread
+                ahead += directions[i, c] * cone[3 + c]
+                square += (origins[i, c] - cone[c]) ** 2
+            level = np.sqrt(directions[i, 0] ** 2 + directions[i, 1] ** 2)
+            towards = (directions[i, 0] * cone[6] + directions[i, 1] * cone[7]) / max(level, np.float32(1e-6))
+            if level < 1e-3:  # a ray that stands upright has no side
+                towards = np.float32(-1.0)
+            cosine, level_cosine, far = min(cosine, ahead), min(level_cosine, towards), max(far, square)
+        cone[_SINE], cone[_LEVEL_SINE], cone[_SPREAD] = _sine(cosine), _sine(level_cosine), np.sqrt(far) + 1e-3
+    return out
+
+
+@jit
+def _sine(cosine):
+    return min(np.sqrt(1 - cosine * cosine) + 1e-3, 1.0) if cosine > 0 else 1.0

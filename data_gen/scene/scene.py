@@ -2,7 +2,7 @@
 
 Every body has an embree tree of its own, built once in its local frame. A query moves each ray into a body's frame at
 that ray's time and keeps the nearest hit, so nothing is rebuilt between frames and a LiDAR's rolling sweep is exact.
-It also yields, at no cost, which bodies a ray would have met had nothing stood in the way: the visibility of a label.
+It also yields, where asked to, which bodies a ray would have met had nothing stood in the way: the visibility of a label.
 """
 
 import weakref
@@ -154,7 +154,13 @@ class Scene:
         return position + rotate_yaw(local, yaw)
 
     def cast(
-        self, origins: ArrayLike, directions: ArrayLike, times: ArrayLike, max_range: float = 250.0, *, counted: bool = True
+        self,
+        origins: ArrayLike,
+        directions: ArrayLike,
+        times: ArrayLike,
+        max_range: float = 250.0,
+        *,
+        counted: bool = True,
     ) -> Hits:
         """Nearest hits of rays with global ``origins`` (N, 3) or (3,), unit ``directions`` (N, 3), ``times`` (N,) or a
         scalar in seconds. Rays that follow each other are cast together: the more alike they are, the faster. Whose ``aimed``
@@ -194,9 +200,8 @@ class Scene:
         return blocked
 
     def _towards(self, origins, directions, times, max_range):
-        """The tree of each actor (A,), pairs of an actor and a ray that passes near it, and the pose of the actor for each pair
-        at the ray's own time, or, where the time is one, of each actor: position, cosine and sine of its yaw, and which of the
-        two it is. Limbs are where they are in the middle of all times."""
+        """The tree of each actor (A,); pairs of an actor and a ray that passes near it, and each pair's pose at the ray's own
+        time; and the poses: position, cosine and sine of the yaw. Limbs are where they are in the middle of all times."""
         times = np.asarray(times, float)
         middle, half_span = (times.max() + times.min()) / 2, (times.max() - times.min()) / 2
         position, yaw, velocity = self._tracks.at(middle, np.arange(len(self.actors)))
@@ -209,11 +214,10 @@ class Scene:
         which, rays = passing(
             origins, directions, center.astype(np.float32), radius.astype(np.float32), np.float32(max_range)
         )
-        position, cos, sin = (a.astype(np.float32) for a in (position, np.cos(yaw), np.sin(yaw)))
-        each = bool(times.ndim)
-        if each:  # a pose for every pair; most bodies are at rest and have one
-            position, cos, sin = position[which], cos[which], sin[which]
-            late = np.flatnonzero(self._moving[which])
-            position[late], yaw, _ = self._tracks.at(times[rays[late]], which[late])
-            cos[late], sin[late] = np.cos(yaw), np.sin(yaw)
-        return trees, which, rays, position, cos, sin, each
+        pose = which
+        if times.ndim and len(late := np.flatnonzero(self._moving[which])):  # most bodies are at rest and have one pose
+            pose = which.copy()
+            pose[late] = len(position) + np.arange(len(late))
+            there, heading, _ = self._tracks.at(times[rays[late]], which[late])
+            position, yaw = np.concatenate([position, there]), np.concatenate([yaw, heading])
+        return trees, which, rays, pose, *(a.astype(np.float32) for a in (position, np.cos(yaw), np.sin(yaw)))

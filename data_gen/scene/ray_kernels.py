@@ -5,8 +5,8 @@ import numpy as np
 from data_gen.jobs.jit import jit
 from data_gen.scene.embree import PACKET, aim, intersect, occluded, packet
 
-_BLOCK, _GROUP = 32, 1024
-"""Rays that follow each other and are tested against a sphere as one cone: first many, then few."""
+_BLOCK, _GROUP = 32, 32
+"""Rays that follow each other and are tested against a sphere as one cone, and blocks of them that are before."""
 _SLACK = np.float32(0.01)
 """Metres by which a box is taken to begin nearer: it is a little smaller than what its body's triangles round to."""
 
@@ -161,14 +161,15 @@ def passing(origins, directions, center, radius, max_range):
     A block of rays that follow each other, as neighbours in a picture do, is first tested against the sphere as one cone and,
     seen from above, as one wedge: a LiDAR's column is high, but narrow. Before it, a group of blocks is.
     """
-    groups, blocks = _cones(origins, directions, _GROUP), _cones(origins, directions, _BLOCK)
+    blocks = _cones(origins, directions)
+    groups = _around(blocks)
     which, rays = np.empty(4096, np.int32), np.empty(4096, np.int32)
     count = 0
     for k in range(len(center)):
         cx, cy, cz, r = center[k, 0], center[k, 1], center[k, 2], radius[k]
         for b in range(len(blocks)):
-            if b % (_GROUP // _BLOCK) == 0:
-                group_apart = _apart(cx, cy, cz, r, groups[b // (_GROUP // _BLOCK)])
+            if b % _GROUP == 0:
+                group_apart = _apart(cx, cy, cz, r, groups[b // _GROUP])
             if group_apart or _apart(cx, cy, cz, r, blocks[b]):
                 continue
             if count + _BLOCK > len(which):
@@ -204,34 +205,65 @@ _SINE, _LEVEL_SINE, _SPREAD = 8, 9, 10
 
 
 @jit
-def _cones(origins, directions, size):
-    """Of each ``size`` rays (B, 11): mean origin, mean direction, mean direction seen from above, the sines of the largest
+def _cones(origins, directions):
+    """Of each block of rays (B, 11): mean origin, mean direction, mean direction seen from above, the sines of the largest
     angles from either, and the largest distance from the mean origin, all three a little on the safe side."""
-    out = np.zeros(((len(directions) + size - 1) // size, 11), np.float32)
+    out = np.zeros(((len(directions) + _BLOCK - 1) // _BLOCK, 11), np.float32)
+    level = np.empty(_BLOCK, np.float32)
     for b in range(len(out)):
-        cone, rays = out[b], range(b * size, min((b + 1) * size, len(directions)))
-        for i in rays:
-            level = np.sqrt(directions[i, 0] ** 2 + directions[i, 1] ** 2)
+        cone, first, count = out[b], b * _BLOCK, min(_BLOCK, len(directions) - b * _BLOCK)
+        share = np.float32(1.0) / np.float32(count)
+        for k in range(count):
+            d, o = directions[first + k], origins[first + k]
+            level[k] = np.float32(1.0) / max(np.sqrt(d[0] * d[0] + d[1] * d[1]), np.float32(1e-6))
             for c in range(3):
-                cone[c] += origins[i, c] / np.float32(len(rays))
-                cone[3 + c] += directions[i, c]
+                cone[c] += o[c] * share
+                cone[3 + c] += d[c]
             for c in range(2):
-                cone[6 + c] += directions[i, c] / max(level, np.float32(1e-6))
-        cone[3:6] /= max(np.sqrt(cone[3] ** 2 + cone[4] ** 2 + cone[5] ** 2), np.float32(1e-6))
-        cone[6:8] /= max(np.sqrt(cone[6] ** 2 + cone[7] ** 2), np.float32(1e-6))
+                cone[6 + c] += d[c] * level[k]
+        _to_unit(cone)
         cosine, level_cosine, far = np.float32(1.0), np.float32(1.0), np.float32(0.0)
-        for i in rays:
-            ahead, square = np.float32(0.0), np.float32(0.0)
-            for c in range(3):
-                ahead += directions[i, c] * cone[3 + c]
-                square += (origins[i, c] - cone[c]) ** 2
-            level = np.sqrt(directions[i, 0] ** 2 + directions[i, 1] ** 2)
-            towards = (directions[i, 0] * cone[6] + directions[i, 1] * cone[7]) / max(level, np.float32(1e-6))
-            if level < 1e-3:  # a ray that stands upright has no side
-                towards = np.float32(-1.0)
-            cosine, level_cosine, far = min(cosine, ahead), min(level_cosine, towards), max(far, square)
+        for k in range(count):
+            d, o = directions[first + k], origins[first + k]
+            x, y, z = o[0] - cone[0], o[1] - cone[1], o[2] - cone[2]
+            cosine = min(cosine, d[0] * cone[3] + d[1] * cone[4] + d[2] * cone[5])
+            # A ray that stands upright has no side.
+            towards = (d[0] * cone[6] + d[1] * cone[7]) * level[k] if level[k] < 1e3 else np.float32(-1.0)
+            level_cosine, far = min(level_cosine, towards), max(far, x * x + y * y + z * z)
         cone[_SINE], cone[_LEVEL_SINE], cone[_SPREAD] = _sine(cosine), _sine(level_cosine), np.sqrt(far) + 1e-3
     return out
+
+
+@jit
+def _around(cones):
+    """The same of each group of blocks, from their cones."""
+    out = np.zeros(((len(cones) + _GROUP - 1) // _GROUP, 11), np.float32)
+    for g in range(len(out)):
+        around, parts = out[g], cones[g * _GROUP : (g + 1) * _GROUP]
+        for part in parts:
+            for c in range(8):
+                around[c] += part[c] / np.float32(len(parts)) if c < 3 else part[c]
+        _to_unit(around)
+        angle, level_angle, far = 0.0, 0.0, 0.0
+        for part in parts:
+            cosine, level_cosine, square = 0.0, 0.0, 0.0
+            for c in range(3):
+                cosine += part[3 + c] * around[3 + c]
+                square += (part[c] - around[c]) ** 2
+            for c in range(2):
+                level_cosine += part[6 + c] * around[6 + c]
+            angle = max(angle, np.arccos(min(cosine, 1.0)) + np.arcsin(part[_SINE]))
+            level_angle = max(level_angle, np.arccos(min(level_cosine, 1.0)) + np.arcsin(part[_LEVEL_SINE]))
+            far = max(far, np.sqrt(square) + part[_SPREAD])
+        around[_SINE], around[_LEVEL_SINE] = _sine(np.cos(angle)), _sine(np.cos(level_angle))
+        around[_SPREAD] = far + 1e-3
+    return out
+
+
+@jit
+def _to_unit(cone):
+    cone[3:6] /= max(np.sqrt(cone[3] ** 2 + cone[4] ** 2 + cone[5] ** 2), np.float32(1e-6))
+    cone[6:8] /= max(np.sqrt(cone[6] ** 2 + cone[7] ** 2), np.float32(1e-6))
 
 
 @jit

@@ -1,16 +1,20 @@
 """How fast data are generated, where the time goes, and whether a worker's memory stays flat.
 
     python -m benchmarks.generation [data=surround condition=mixed ...]     speed; without data= of nano and of surround
+    python -m benchmarks.generation before=COMMIT [data=nano ...]           the same scenes by that commit and by this tree
     python -m benchmarks.generation memory=500                              one worker, 500 small scenes
 
 Speed: the same few scenes in one process and in two, each twice: the first pass compiles and builds every asset, which a
 long run does once, the second is timed. Other arguments are overrides of ``python -m data_gen``. Time a core is processor
-time, which other programs disturb less than the clock.
+time, which other programs disturb less than the clock. ``before`` makes scenes of all eight conditions in two processes, by
+turns with the code of that commit (a git worktree in a temporary folder) and of this tree, and compares the sensor files.
 """
 
 import json
 import multiprocessing
+import os
 import resource
+import subprocess
 import sys
 import tempfile
 import time
@@ -23,6 +27,7 @@ from hydra import compose, initialize_config_dir
 from data_gen import episode
 from data_gen.generate import DataConfig, Job, make_folders
 from data_gen.jobs.workers import limit_threads
+from data_gen.scene import scene
 from data_gen.sensors.camera import camera
 from data_gen.sensors.lidar import lidar
 from data_gen.sensors.radar import radar
@@ -30,12 +35,15 @@ from fusion_net.common.cli.command import CONFIGS, build
 
 DATA = {"nano": 24, "surround": 8}
 """Data sets and how many scenes of each are timed."""
+CONDITIONS = ("clear", "night", "glare", "rain", "fog", "dusk", "spray", "dusk_glare_spray")
 SMALL = [
     "data=nano", "data.keyframes=1", "rig.cameras.CAM_FRONT.width=64", "rig.cameras.CAM_FRONT.height=32",
     "rig.cameras.CAM_FRONT.principal=[32.0,16.0]", "rig.lidars.LIDAR_TOP.columns=217",
 ]  # fmt: skip
 """The scenes that show the memory: all that differs between scenes, few rays."""
 REPORT_EVERY = 50
+MODES = ("before", "half", "into", "memory")
+"""Arguments that are no overrides; ``half`` and ``into`` are for the processes of ``before`` alone."""
 STEPS = {
     "simulate": (episode, "record_layout"),
     "traffic": (episode, "populate"),
@@ -46,23 +54,32 @@ STEPS = {
     "radar": (radar, "sense_batch"),
 }
 """The function that does each step, in the module through which it is called; what is left is files."""
+RAYS = {
+    "world": ("meet_world", "blocked_by_world"),
+    "bodies": ("meet_bodies", "blocked_by_bodies"),
+}
+"""The loops of ``scene`` in which embree casts rays: through the static world, little else, which is the least that a keyframe
+could take; and through bodies, into whose frames they are moved there. Older commits lack them."""
 
 
 class Stopwatch:
     """Adds up the processor time of every step while scenes are made."""
 
     def __init__(self) -> None:
-        self.seconds = dict.fromkeys(STEPS, 0.0)
+        self.seconds, self.rays = dict.fromkeys(STEPS, 0.0), dict.fromkeys(RAYS, 0.0)
         for step, (module, name) in STEPS.items():
-            setattr(module, name, self._timed(step, getattr(module, name)))
+            setattr(module, name, self._timed(self.seconds, step, getattr(module, name)))
+        for kind, names in RAYS.items():
+            for name in filter(scene.__dict__.__contains__, names):
+                setattr(scene, name, self._timed(self.rays, kind, getattr(scene, name)))
 
-    def _timed(self, step: str, function: Callable) -> Callable:
+    def _timed(self, seconds: dict[str, float], step: str, function: Callable) -> Callable:
         def timed(*args: Any, **kwargs: Any) -> Any:
             started = time.process_time()
             try:
                 return function(*args, **kwargs)
             finally:
-                self.seconds[step] += time.process_time() - started
+                seconds[step] += time.process_time() - started
 
         return timed
 
@@ -92,11 +109,13 @@ def make(root: str, overrides: list[str], indices: range) -> dict[str, Any]:
     cpu, clock = time.process_time() - cpu, time.perf_counter() - clock
     watch.seconds["files"] = cpu - sum(watch.seconds.values())
     frames = len(indices) * jobs[1].data.keyframes
-    split = {step: 1e3 * seconds / frames for step, seconds in watch.seconds.items()}
+    split, rays = (
+        {step: 1e3 * seconds / frames for step, seconds in spent.items()} for spent in (watch.seconds, watch.rays)
+    )
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     return {
         "frames": frames, "cpu_s": cpu, "clock_s": clock, "first_scene_s": first, "peak_mb": memory,
-        "ms_per_keyframe": split,
+        "ms_per_keyframe": split, "rays_ms": rays,
     }  # fmt: skip
 
 
@@ -117,11 +136,80 @@ def speed(name: str, overrides: list[str]) -> dict[str, Any]:
     )
     for step, milliseconds in one["ms_per_keyframe"].items():
         print(f"{step:14}{milliseconds:8.1f} ms a keyframe")
+    print(f"of that rays: {_rays(one['rays_ms'])}")
     print(f"peak memory {max(run['peak_mb'] for run in runs[2]):.0f} MB a process\n")
     return {
         "keyframes_per_core_second": per_core, "keyframes_per_second_1": per_clock, "keyframes_per_second_2": together,
         "speedup_2_over_1": together / per_clock, "runs": runs,
     }  # fmt: skip
+
+
+def _rays(rays_ms: dict[str, float]) -> str:
+    return ", ".join(f"{milliseconds:.1f} ms a keyframe through {kind}" for kind, milliseconds in rays_ms.items())
+
+
+def compare(commit: str, sets: dict[str, list[str]]) -> dict[str, Any]:
+    """Prints, for each data set, keyframes a second and the split of the time of ``commit`` and of this tree, and how many
+    sensor files are equal; returns the figures."""
+    project, results = Path(__file__).resolve().parents[1], {}
+    with tempfile.TemporaryDirectory() as folder:
+        old = Path(folder) / "tree"
+        git = ["git", "-C", str(project), "worktree"]
+        subprocess.run([*git, "add", "--detach", str(old), commit], check=True, capture_output=True)
+        try:
+            for name, overrides in sets.items():
+                trees = {"before": old, "after": project}
+                runs = {when: _two(tree, f"{folder}/{name}-{when}", overrides) for when, tree in trees.items()}
+                results[name] = _print_compared(name, runs, *(Path(folder) / f"{name}-{when}" for when in trees))
+        finally:
+            subprocess.run([*git, "remove", "--force", str(old)], check=True)
+    return results
+
+
+def _two(tree: Path, folder: str, overrides: list[str]) -> dict[str, Any]:
+    """What two processes with the code of ``tree`` made, each half of the conditions: keyframes a second, the split."""
+    command, env = [sys.executable, str(Path(__file__).resolve())], os.environ | {"PYTHONPATH": str(tree)}
+    halves = [
+        subprocess.Popen([*command, f"half={half}", f"into={folder}", *overrides], env=env, cwd=tree, stdout=subprocess.PIPE)
+        for half in (0, 1)
+    ]  # fmt: skip
+    made = [json.loads(half.communicate()[0].splitlines()[-1]) for half in halves]
+    parts = [part for half in made for part in half]
+    mean = {
+        key: {step: sum(part[key][step] for part in parts) / len(parts) for step in parts[0][key]}
+        for key in ("ms_per_keyframe", "rays_ms")
+    }
+    speeds = [sum(part["frames"] for part in half) / sum(part["clock_s"] for part in half) for half in made]
+    return {"keyframes_per_second_2": sum(speeds), **mean}
+
+
+def _half(which: int, folder: str, overrides: list[str]) -> list[dict[str, Any]]:
+    """Scenes of every other condition."""
+    scenes = range(DATA["nano" if "data=nano" in overrides else "surround"] // len(CONDITIONS))
+    return [
+        make(f"{folder}/{condition}", [*overrides, f"condition={condition}"], scenes)
+        for condition in CONDITIONS[which::2]
+    ]
+
+
+def _print_compared(name: str, runs: dict[str, dict[str, Any]], before: Path, after: Path) -> dict[str, Any]:
+    files = {path.relative_to(after) for path in after.glob("*/timed/s*/*/*")}
+    unequal = sorted(
+        str(path)
+        for path in files
+        if not (before / path).exists() or (before / path).read_bytes() != (after / path).read_bytes()
+    )
+    speeds = " -> ".join(f"{run['keyframes_per_second_2']:.1f}" for run in runs.values())
+    print(f"{name}: keyframes a second, two processes: {speeds}")
+    old, new = (run["ms_per_keyframe"] for run in runs.values())
+    for step in new:
+        print(f"{step:14}{old[step]:8.1f} ->{new[step]:8.1f} ms a keyframe")
+    print(f"{'all':14}{sum(old.values()):8.1f} ->{sum(new.values()):8.1f} ms a keyframe")
+    print(f"of that rays: {_rays(runs['after']['rays_ms'])}")
+    print(
+        f"sensor files: {len(files)}, of them equal {len(files) - len(unequal)}; not: {', '.join(unequal[:20]) or 'none'}\n"
+    )
+    return {**runs, "files": len(files), "unequal": unequal}
 
 
 def memory(scenes: int, overrides: list[str]) -> dict[str, Any]:
@@ -151,13 +239,19 @@ def _resident_mb() -> float:
 
 def main(arguments: list[str]) -> None:
     """Print the tables and, last, one JSON object."""
-    overrides = [argument for argument in arguments if not argument.startswith("memory=")]
-    if len(overrides) < len(arguments):
-        scenes = next(int(a.removeprefix("memory=")) for a in arguments if a.startswith("memory="))
-        print(json.dumps(memory(scenes, overrides)))
+    modes = {key: value for key, _, value in (a.partition("=") for a in arguments) if key in MODES}
+    overrides = [argument for argument in arguments if argument.partition("=")[0] not in MODES]
+    if "memory" in modes:
+        print(json.dumps(memory(int(modes["memory"]), overrides)))
+        return
+    if "half" in modes:
+        print(json.dumps(_half(int(modes["half"]), modes["into"], overrides)))
         return
     named = [argument.removeprefix("data=") for argument in arguments if argument.startswith("data=")]
     sets = {name: [f"data={name}", *(o for o in overrides if not o.startswith("data="))] for name in named or DATA}
+    if "before" in modes:
+        print(json.dumps(compare(modes["before"], sets)))
+        return
     print(json.dumps({name: speed(name, given) for name, given in sets.items()}))
 
 

@@ -3,31 +3,143 @@
 import numpy as np
 
 from data_gen.jobs.jit import jit
+from data_gen.scene.embree import PACKET, aim, intersect, occluded, packet
 
-_BLOCK, _GROUP = 32, 1024
-"""Rays that follow each other and are tested against a sphere as one cone: first many, then few."""
+_BLOCK, _GROUP = 32, 32
+"""Rays that follow each other and are tested against a sphere as one cone, and blocks of them that are before."""
+_SLACK = np.float32(0.01)
+"""Metres by which a box is taken to begin nearer: it is a little smaller than what its body's triangles round to."""
 
 
 @jit
-def keep_nearer(
-    rays, prim, tfar, ng, moved_o, moved_d, cos, sin, index, start, max_range, distance, body, face, normal, local
-):
-    """Write one actor's hits where they are the nearest so far; returns how many rays met it at all."""
-    met = 0
-    for k in range(len(rays)):
-        i, t = rays[k], tfar[k]
-        if prim[k] < 0 or t >= max_range:
-            continue
-        met += 1
-        if t >= distance[i]:
-            continue
-        distance[i], body[i], face[i] = t, index, prim[k] + start
-        normal[i, 0] = cos[k] * ng[k, 0] - sin[k] * ng[k, 1]
-        normal[i, 1] = sin[k] * ng[k, 0] + cos[k] * ng[k, 1]
-        normal[i, 2] = ng[k, 2]
-        for c in range(3):
-            local[i, c] = moved_o[k, c] + moved_d[k, c] * t
+def meet_world(tree, origins, directions, max_range, distance, body, face, normal):
+    """Write what each ray meets of the static world within ``max_range`` to ``distance``, ``body``, ``face`` and ``normal``,
+    which are set for rays that meet nothing."""
+    rays, ids = packet()
+    for first in range(0, len(directions), PACKET):
+        count = min(PACKET, len(directions) - first)
+        for k in range(count):
+            o, d = origins[first + k], directions[first + k]
+            aim(rays, k, o[0], o[1], o[2], d[0], d[1], d[2], max_range)
+        intersect(tree, rays, ids, count)
+        for k in range(count):
+            if ids[17, k] >= 0 and rays[8, k] < max_range:
+                i = first + k
+                distance[i], body[i], face[i] = rays[8, k], -1, ids[17, k]
+                for c in range(3):
+                    normal[i, c] = rays[12 + c, k]
+
+
+@jit
+def meet_bodies(
+    trees, starts, origins, directions, which, at, pose, position, cos, sin, bounds, max_range, counted, distance, body,
+    face, normal, local,
+):  # fmt: skip
+    """Write the hits of bodies where they are the nearest so far; returns how many rays would meet each body (A,), had nothing
+    stood in the way, if that is to be ``counted``.
+
+    ``trees`` (A,) and ``starts`` (A,): each body's tree and its first face. Pairs of a body ``which`` (K,), in order, and a ray
+    ``at`` (K,) are cast if the ray passes the body's box ``bounds`` (A, 2, 3). ``pose`` (K,) is the body's at that ray's time,
+    an index of ``position``, ``cos`` and ``sin``.
+    """
+    met = np.zeros(len(trees), np.int64)
+    near, near_ids = packet()
+    hidden, hidden_ids = packet()
+    queue, turn = np.empty(PACKET, np.int64), np.empty((PACKET, 2), np.float32)
+    waiting = behind = 0
+    for k in range(len(which)):
+        i, b, p = at[k], which[k], pose[k]
+        ox, oy, oz, dx, dy, dz, enter, leave = _into_body(
+            origins[i], directions[i], position[p], cos[p], sin[p], bounds[b]
+        )
+        if enter <= leave:
+            if enter < distance[i] + _SLACK:
+                aim(near, waiting, ox, oy, oz, dx, dy, dz, max_range)
+                queue[waiting], turn[waiting, 0], turn[waiting, 1] = i, cos[p], sin[p]
+                waiting += 1
+            elif counted:
+                aim(hidden, behind, ox, oy, oz, dx, dy, dz, max_range)
+                behind += 1
+        last = k + 1 == len(which) or which[k + 1] != b
+        if behind == PACKET or (last and behind):
+            occluded(trees[b], hidden, hidden_ids, behind)
+            for j in range(behind):
+                met[b] += hidden[8, j] < 0
+            behind = 0
+        if waiting == PACKET or (last and waiting):
+            intersect(trees[b], near, near_ids, waiting)
+            for j in range(waiting):
+                i, t = queue[j], near[8, j]
+                if near_ids[17, j] < 0 or t >= max_range:
+                    continue
+                met[b] += 1
+                if t >= distance[i]:
+                    continue
+                distance[i], body[i], face[i] = t, b, near_ids[17, j] + starts[b]
+                normal[i, 0] = turn[j, 0] * near[12, j] - turn[j, 1] * near[13, j]
+                normal[i, 1] = turn[j, 1] * near[12, j] + turn[j, 0] * near[13, j]
+                normal[i, 2] = near[14, j]
+                for c in range(3):
+                    local[i, c] = near[c, j] + near[4 + c, j] * t
+            waiting = 0
     return met
+
+
+@jit
+def blocked_by_world(tree, origins, directions, limit, blocked):
+    """Set ``blocked`` where a ray meets the static world nearer than ``limit``."""
+    rays, ids = packet()
+    for first in range(0, len(directions), PACKET):
+        count = min(PACKET, len(directions) - first)
+        for k in range(count):
+            o, d = origins[first + k], directions[first + k]
+            aim(rays, k, o[0], o[1], o[2], d[0], d[1], d[2], limit[first + k])
+        occluded(tree, rays, ids, count)
+        for k in range(count):
+            blocked[first + k] = rays[8, k] < 0
+
+
+@jit
+def blocked_by_bodies(trees, origins, directions, limit, which, at, pose, position, cos, sin, bounds, blocked):
+    """The same for bodies, of those rays that nothing has blocked yet. Pairs and poses as in :func:`meet_bodies`."""
+    rays, ids = packet()
+    queue = np.empty(PACKET, np.int64)
+    waiting = 0
+    for k in range(len(which)):
+        i, b, p = at[k], which[k], pose[k]
+        if not blocked[i]:
+            ox, oy, oz, dx, dy, dz, enter, leave = _into_body(
+                origins[i], directions[i], position[p], cos[p], sin[p], bounds[b]
+            )
+            if enter <= leave and enter < limit[i] + _SLACK:
+                aim(rays, waiting, ox, oy, oz, dx, dy, dz, limit[i])
+                queue[waiting] = i
+                waiting += 1
+        if waiting == PACKET or (waiting and (k + 1 == len(which) or which[k + 1] != b)):
+            occluded(trees[b], rays, ids, waiting)
+            for j in range(waiting):
+                blocked[queue[j]] = rays[8, j] < 0
+            waiting = 0
+
+
+@jit
+def _into_body(o, d, position, cos, sin, bounds):
+    """Origin and direction of a ray in a body's frame, and from where to where on it its bounding box (2, 3) extends."""
+    x, y = o[0] - position[0], o[1] - position[1]
+    ox, oy, oz = cos * x + sin * y, cos * y - sin * x, o[2] - position[2]
+    dx, dy, dz = cos * d[0] + sin * d[1], cos * d[1] - sin * d[0], d[2]
+    enter, leave = np.float32(0.0), np.float32(np.inf)
+    enter, leave = _slab(ox, dx, bounds[0, 0], bounds[1, 0], enter, leave)
+    enter, leave = _slab(oy, dy, bounds[0, 1], bounds[1, 1], enter, leave)
+    enter, leave = _slab(oz, dz, bounds[0, 2], bounds[1, 2], enter, leave)
+    return ox, oy, oz, dx, dy, dz, enter, leave
+
+
+@jit
+def _slab(o, d, low, high, enter, leave):
+    d = d if abs(d) > np.float32(1e-9) else np.float32(1e-9)
+    a, b = (low - np.float32(1e-3) - o) / d, (high + np.float32(1e-3) - o) / d
+    return max(enter, min(a, b)), min(leave, max(a, b))
 
 
 @jit
@@ -43,53 +155,25 @@ def finish(origins, directions, distance, body, normal, local):
 
 
 @jit
-def into_bodies(origins, directions, rays, which, position, cos, sin, each, bounds):
-    """Of pairs of a ray and a body, those (K,) whose ray passes the body's bounding box ``bounds`` (A, 2, 3), with origins
-    and directions (K, 3) in the body's frame. ``position``, ``cos`` and ``sin`` hold a pose for ``each`` pair, or else one a
-    body."""
-    kept = np.empty(len(rays), np.int64)
-    moved_o = np.empty((len(rays), 3), np.float32)
-    moved_d = np.empty((len(rays), 3), np.float32)
-    n = 0
-    for k in range(len(rays)):
-        i, p = rays[k], k if each else which[k]
-        x, y = origins[i, 0] - position[p, 0], origins[i, 1] - position[p, 1]
-        moved_o[n, 0], moved_o[n, 1] = cos[p] * x + sin[p] * y, cos[p] * y - sin[p] * x
-        moved_o[n, 2] = origins[i, 2] - position[p, 2]
-        x, y = directions[i, 0], directions[i, 1]
-        moved_d[n, 0], moved_d[n, 1] = cos[p] * x + sin[p] * y, cos[p] * y - sin[p] * x
-        moved_d[n, 2] = directions[i, 2]
-        enter, leave = np.float32(0.0), np.float32(np.inf)
-        for c in range(3):
-            d = moved_d[n, c]
-            d = d if abs(d) > 1e-9 else np.float32(1e-9)
-            a = (bounds[which[k], 0, c] - np.float32(1e-3) - moved_o[n, c]) / d
-            b = (bounds[which[k], 1, c] + np.float32(1e-3) - moved_o[n, c]) / d
-            enter, leave = max(enter, min(a, b)), min(leave, max(a, b))
-        if enter <= leave:
-            kept[n] = k
-            n += 1
-    return kept[:n], moved_o[:n], moved_d[:n]
-
-
-@jit
 def passing(origins, directions, center, radius, max_range):
     """Pairs (sphere, ray), sorted by sphere, of rays that pass a sphere in front of them.
 
-    A block of rays that follow each other, as neighbours in a picture do, is first tested against the sphere as one cone, and
-    before it a group of blocks.
+    A block of rays that follow each other, as neighbours in a picture do, is first tested against the sphere as one cone and,
+    seen from above, as one wedge: a LiDAR's column is high, but narrow. Before it, a group of blocks is.
     """
-    groups, blocks = _cones(origins, directions, _GROUP), _cones(origins, directions, _BLOCK)
-    which = np.empty(len(center) * len(directions), np.int32)
-    rays = np.empty(len(which), np.int32)
+    blocks = _cones(origins, directions)
+    groups = _around(blocks)
+    which, rays = np.empty(4096, np.int32), np.empty(4096, np.int32)
     count = 0
     for k in range(len(center)):
         cx, cy, cz, r = center[k, 0], center[k, 1], center[k, 2], radius[k]
-        for b in range(len(blocks[2])):
-            if b % (_GROUP // _BLOCK) == 0:
-                group_apart = _apart(cx, cy, cz, r, groups, b // (_GROUP // _BLOCK))
-            if group_apart or _apart(cx, cy, cz, r, blocks, b):
+        for b in range(len(blocks)):
+            if b % _GROUP == 0:
+                group_apart = _apart(cx, cy, cz, r, groups[b // _GROUP])
+            if group_apart or _apart(cx, cy, cz, r, blocks[b]):
                 continue
+            if count + _BLOCK > len(which):
+                which, rays = np.append(which, which), np.append(rays, rays)
             for i in range(b * _BLOCK, min((b + 1) * _BLOCK, len(directions))):
                 x, y, z = cx - origins[i, 0], cy - origins[i, 1], cz - origins[i, 2]
                 along = x * directions[i, 0] + y * directions[i, 1] + z * directions[i, 2]
@@ -100,39 +184,88 @@ def passing(origins, directions, center, radius, max_range):
 
 
 @jit
-def _apart(cx, cy, cz, r, cones, b):
-    """Whether no ray of cone ``b`` can pass the sphere of radius ``r`` about (cx, cy, cz)."""
-    base, axis, sine, spread = cones
-    x, y, z = cx - base[b, 0], cy - base[b, 1], cz - base[b, 2]
-    along = x * axis[b, 0] + y * axis[b, 1] + z * axis[b, 2]
-    square = x * x + y * y + z * z
-    distance = np.sqrt(square)
-    reach = distance * sine[b] + r + spread[b]  # sin(a + b) <= sin(a) + sin(b)
-    return reach < distance and (along < 0 or square - along * along > reach * reach)
+def _apart(cx, cy, cz, r, cone):
+    """Whether no ray of a cone can pass the sphere of radius ``r`` about (cx, cy, cz)."""
+    x, y, z = cx - cone[0], cy - cone[1], cz - cone[2]
+    r += cone[_SPREAD]
+    return _outside(x * x + y * y + z * z, x * cone[3] + y * cone[4] + z * cone[5], cone[_SINE], r) or _outside(
+        x * x + y * y, x * cone[6] + y * cone[7], cone[_LEVEL_SINE], r
+    )
 
 
 @jit
-def _cones(origins, directions, size):
-    """Of each ``size`` rays: mean origin (B, 3), mean direction (B, 3), the sine of the largest angle from it and the largest
-    distance from the mean origin, both a little on the safe side."""
-    blocks = (len(directions) + size - 1) // size
-    base, axis = np.zeros((blocks, 3), np.float32), np.zeros((blocks, 3), np.float32)
-    sine, spread = np.empty(blocks, np.float32), np.empty(blocks, np.float32)
-    for b in range(blocks):
-        start, stop = b * size, min((b + 1) * size, len(directions))
-        for i in range(start, stop):
+def _outside(square, along, sine, r):
+    distance = np.sqrt(square)
+    reach = distance * sine + r  # sin(a + b) <= sin(a) + sin(b)
+    return reach < distance and (along < 0 or square - along * along > reach * reach)
+
+
+_SINE, _LEVEL_SINE, _SPREAD = 8, 9, 10
+"""Columns of :func:`_cones` after the mean origin and the mean directions in space and from above."""
+
+
+@jit
+def _cones(origins, directions):
+    """Of each block of rays (B, 11): mean origin, mean direction, mean direction seen from above, the sines of the largest
+    angles from either, and the largest distance from the mean origin, all three a little on the safe side."""
+    out = np.zeros(((len(directions) + _BLOCK - 1) // _BLOCK, 11), np.float32)
+    level = np.empty(_BLOCK, np.float32)
+    for b in range(len(out)):
+        cone, first, count = out[b], b * _BLOCK, min(_BLOCK, len(directions) - b * _BLOCK)
+        share = np.float32(1.0) / np.float32(count)
+        for k in range(count):
+            d, o = directions[first + k], origins[first + k]
+            level[k] = np.float32(1.0) / max(np.sqrt(d[0] * d[0] + d[1] * d[1]), np.float32(1e-6))
             for c in range(3):
-                base[b, c] += origins[i, c] / np.float32(stop - start)
-                axis[b, c] += directions[i, c]
-        length = np.sqrt(axis[b, 0] ** 2 + axis[b, 1] ** 2 + axis[b, 2] ** 2)
-        axis[b] /= max(length, np.float32(1e-6))
-        cosine, far = np.float32(1.0), np.float32(0.0)
-        for i in range(start, stop):
-            ahead, square = np.float32(0.0), np.float32(0.0)
+                cone[c] += o[c] * share
+                cone[3 + c] += d[c]
+            for c in range(2):
+                cone[6 + c] += d[c] * level[k]
+        _to_unit(cone)
+        cosine, level_cosine, far = np.float32(1.0), np.float32(1.0), np.float32(0.0)
+        for k in range(count):
+            d, o = directions[first + k], origins[first + k]
+            x, y, z = o[0] - cone[0], o[1] - cone[1], o[2] - cone[2]
+            cosine = min(cosine, d[0] * cone[3] + d[1] * cone[4] + d[2] * cone[5])
+            # A ray that stands upright has no side.
+            towards = (d[0] * cone[6] + d[1] * cone[7]) * level[k] if level[k] < 1e3 else np.float32(-1.0)
+            level_cosine, far = min(level_cosine, towards), max(far, x * x + y * y + z * z)
+        cone[_SINE], cone[_LEVEL_SINE], cone[_SPREAD] = _sine(cosine), _sine(level_cosine), np.sqrt(far) + 1e-3
+    return out
+
+
+@jit
+def _around(cones):
+    """The same of each group of blocks, from their cones."""
+    out = np.zeros(((len(cones) + _GROUP - 1) // _GROUP, 11), np.float32)
+    for g in range(len(out)):
+        around, parts = out[g], cones[g * _GROUP : (g + 1) * _GROUP]
+        for part in parts:
+            for c in range(8):
+                around[c] += part[c] / np.float32(len(parts)) if c < 3 else part[c]
+        _to_unit(around)
+        angle, level_angle, far = 0.0, 0.0, 0.0
+        for part in parts:
+            cosine, level_cosine, square = 0.0, 0.0, 0.0
             for c in range(3):
-                ahead += directions[i, c] * axis[b, c]
-                square += (origins[i, c] - base[b, c]) ** 2
-            cosine, far = min(cosine, ahead), max(far, square)
-        sine[b] = min(np.sqrt(1 - cosine * cosine) + 1e-3, 1.0) if cosine > 0 else 1.0
-        spread[b] = np.sqrt(far) + 1e-3
-    return base, axis, sine, spread
+                cosine += part[3 + c] * around[3 + c]
+                square += (part[c] - around[c]) ** 2
+            for c in range(2):
+                level_cosine += part[6 + c] * around[6 + c]
+            angle = max(angle, np.arccos(min(cosine, 1.0)) + np.arcsin(part[_SINE]))
+            level_angle = max(level_angle, np.arccos(min(level_cosine, 1.0)) + np.arcsin(part[_LEVEL_SINE]))
+            far = max(far, np.sqrt(square) + part[_SPREAD])
+        around[_SINE], around[_LEVEL_SINE] = _sine(np.cos(angle)), _sine(np.cos(level_angle))
+        around[_SPREAD] = far + 1e-3
+    return out
+
+
+@jit
+def _to_unit(cone):
+    cone[3:6] /= max(np.sqrt(cone[3] ** 2 + cone[4] ** 2 + cone[5] ** 2), np.float32(1e-6))
+    cone[6:8] /= max(np.sqrt(cone[6] ** 2 + cone[7] ** 2), np.float32(1e-6))
+
+
+@jit
+def _sine(cosine):
+    return min(np.sqrt(1 - cosine * cosine) + 1e-3, 1.0) if cosine > 0 else 1.0

@@ -2,25 +2,30 @@
 
 Every body has an embree tree of its own, built once in its local frame. A query moves each ray into a body's frame at
 that ray's time and keeps the nearest hit, so nothing is rebuilt between frames and a LiDAR's rolling sweep is exact.
-It also yields, at no cost, which bodies a ray would have met had nothing stood in the way: the visibility of a label.
+It also yields, where asked to, which bodies a ray would have met had nothing stood in the way: the visibility of a label.
 """
 
 import weakref
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
-from embreex.mesh_construction import TriangleMesh
-from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import ArrayLike, NDArray
 
 from data_gen.assets.shapes.mesh import Asset, Mesh, Scatterers, Surface
 from data_gen.road.track import Track, TrackBundle
 from data_gen.scene.conditions import Condition
+from data_gen.scene.embree import Tree
 from data_gen.scene.luminaires import luminaires
 from data_gen.scene.noise import GOLDEN
-from data_gen.scene.ray_kernels import finish, into_bodies, keep_nearer, passing
+from data_gen.scene.ray_kernels import (
+    blocked_by_bodies,
+    blocked_by_world,
+    finish,
+    meet_bodies,
+    meet_world,
+    passing,
+)
 from data_gen.scene.wetness import Wetness
 from data_gen.world.ground import GroundMap
 from fusion_net.common.geometry import rotate_yaw
@@ -65,30 +70,28 @@ class Hits:
     reached: NDArray[np.int64]  # (A,)
 
 
-class _Tree:
+class _Body:
     """An embree tree over a mesh in its local frame, or one a phase of its gait."""
 
     def __init__(self, *phases: Mesh) -> None:
-        self.phases = [EmbreeScene() for _ in phases]
-        for embree, mesh in zip(self.phases, phases, strict=True):
-            TriangleMesh(embree, mesh.vertices.astype(np.float32), mesh.faces.astype(np.int32))
+        self._phases = [Tree(mesh.vertices, mesh.faces) for mesh in phases]
         vertices = np.concatenate([mesh.vertices for mesh in phases])
         self.bounds = np.stack([vertices.min(axis=0), vertices.max(axis=0)]).astype(np.float32)
         self.center = self.bounds.mean(axis=0)
         self.radius = float(np.linalg.norm(vertices - self.center, axis=1).max())
 
-    def at(self, turn: float) -> EmbreeScene:
-        """The tree ``turn`` cycles of the gait after its first phase."""
-        return self.phases[int(turn * len(self.phases)) % len(self.phases)]
+    def handle(self, turn: float = 0.0) -> int:
+        """Of the tree ``turn`` cycles of the gait after its first phase."""
+        return self._phases[int(turn * len(self._phases)) % len(self._phases)].handle
 
 
-_TREES: dict[int, _Tree] = {}
+_TREES: dict[int, _Body] = {}
 
 
-def _tree_of(asset: Asset) -> _Tree:
+def _tree_of(asset: Asset) -> _Body:
     """The tree of an asset, kept as long as the asset lives: several scenes may use it."""
     if id(asset) not in _TREES:
-        _TREES[id(asset)] = _Tree(*(asset.gait or [asset.mesh]))
+        _TREES[id(asset)] = _Body(*(asset.gait or [asset.mesh]))
         weakref.finalize(asset, _TREES.pop, id(asset), None)
     return _TREES[id(asset)]
 
@@ -116,10 +119,9 @@ class Scene:
         self.wetness = Wetness(condition.water_film)
         self.ground, self.ground_faces, self.world_scatterers = ground, ground_faces, world_scatterers
         self.luminaires = luminaires(world)
-        self._world = _Tree(world)
+        self._world = _Body(world)
         trees = {id(actor.asset): actor.asset for actor in actors}
-        self._trees = {key: _tree_of(asset) for key, asset in trees.items()}
-        spheres = [self._trees[id(actor.asset)] for actor in actors]
+        self._bodies = spheres = [_tree_of(actor.asset) for actor in actors]
         self._sphere_center = np.array([tree.center for tree in spheres]).reshape(-1, 3)
         self._sphere_radius = np.array([tree.radius for tree in spheres])
         self._bounds = np.array([tree.bounds for tree in spheres], np.float32).reshape(-1, 2, 3)
@@ -131,7 +133,8 @@ class Scene:
         meshes = [world, *(asset.mesh for asset in trees.values())]
         self.surface = Surface.concatenate([mesh.surface for mesh in meshes])
         starts = np.cumsum([0, *(len(mesh.faces) for mesh in meshes[:-1])])
-        self._face_start = dict(zip(trees, starts[1:].tolist(), strict=True))
+        first = dict(zip(trees, starts[1:].tolist(), strict=True))
+        self._starts = np.array([first[id(actor.asset)] for actor in actors], np.int64)
 
     @cached_property
     def reflectors(self) -> tuple[NDArray[np.int64], Scatterers]:
@@ -150,41 +153,33 @@ class Scene:
         position, yaw, _ = self._tracks.at(t, np.where(body == WORLD, len(self.actors), body))
         return position + rotate_yaw(local, yaw)
 
-    def cast(self, origins: ArrayLike, directions: ArrayLike, times: ArrayLike, max_range: float = 250.0) -> Hits:
+    def cast(
+        self,
+        origins: ArrayLike,
+        directions: ArrayLike,
+        times: ArrayLike,
+        max_range: float = 250.0,
+        *,
+        counted: bool = True,
+    ) -> Hits:
         """Nearest hits of rays with global ``origins`` (N, 3) or (3,), unit ``directions`` (N, 3), ``times`` (N,) or a
-        scalar in seconds."""
+        scalar in seconds. Rays that follow each other are cast together: the more alike they are, the faster. Whose ``aimed``
+        nobody wants is cast faster without: it is then too low."""
         directions = np.ascontiguousarray(directions, np.float32)
         count = len(directions)
         origins = np.ascontiguousarray(np.broadcast_to(np.asarray(origins, np.float32), (count, 3)))
-        found = self._world.at(0.0).run(origins, directions, query="INTERSECT", output=True)
-        hit = found["tfar"] < max_range
-        distance = np.where(hit, found["tfar"], np.float32(np.inf))
-        body = np.where(hit, np.int32(WORLD), np.int32(NOTHING))
-        face = np.where(hit, found["primID"], np.int32(-1))
-        normal = found["Ng"]
-        local = np.zeros((count, 3), np.float32)
+        distance = np.full(count, np.inf, np.float32)
+        body, face = np.full(count, NOTHING, np.int32), np.full(count, -1, np.int32)
+        normal, local = np.zeros((2, count, 3), np.float32)
+        far = np.float32(max_range)
+        meet_world(self._world.handle(), origins, directions, far, distance, body, face, normal)
         aimed = np.zeros(len(self.actors), np.int64)
-        for index, tree, rays, moved_o, moved_d, cos, sin in self._towards(origins, directions, times, max_range):
-            found = tree.run(moved_o, moved_d, query="INTERSECT", output=True)
-            start = self._face_start[id(self.actors[index].asset)]
-            aimed[index] = keep_nearer(
-                rays,
-                found["primID"],
-                found["tfar"],
-                found["Ng"],
-                moved_o,
-                moved_d,
-                cos,
-                sin,
-                index,
-                start,
-                max_range,
-                distance,
-                body,
-                face,
-                normal,
+        if count and self.actors:
+            trees, *pairs = self._towards(origins, directions, times, max_range)
+            aimed = meet_bodies(
+                trees, self._starts, origins, directions, *pairs, self._bounds, far, counted, distance, body, face, normal,
                 local,
-            )
+            )  # fmt: skip
         finish(origins, directions, distance, body, normal, local)
         reached = np.bincount(body[body >= 0], minlength=len(self.actors))
         return Hits(distance, body, face, local, normal, aimed, reached)
@@ -196,40 +191,33 @@ class Scene:
         directions = np.ascontiguousarray(directions, np.float32)
         count = len(directions)
         origins = np.ascontiguousarray(np.broadcast_to(np.asarray(origins, np.float32), (count, 3)))
-        limit = np.array(np.broadcast_to(max_distance, (count,)), np.float32)  # embree wants it writable
-        blocked = self._world.at(0.0).run(origins, directions, limit, query="OCCLUDED") >= 0
-        reach = float(limit.max(initial=0.0))
-        for _, tree, rays, moved_o, moved_d, _, _ in self._towards(origins, directions, times, reach):
-            blocked[rays] |= tree.run(moved_o, moved_d, limit[rays], query="OCCLUDED") >= 0
+        limit = np.array(np.broadcast_to(max_distance, (count,)), np.float32)
+        blocked = np.zeros(count, bool)
+        blocked_by_world(self._world.handle(), origins, directions, limit, blocked)
+        if count and self.actors:
+            trees, *pairs = self._towards(origins, directions, times, float(limit.max()))
+            blocked_by_bodies(trees, origins, directions, limit, *pairs, self._bounds, blocked)
         return blocked
 
     def _towards(self, origins, directions, times, max_range):
-        """For each actor in reach, its tree and the rays that pass near it, moved into its frame at their own times. Limbs
-        are where they are in the middle of all times."""
-        if not len(directions) or not self.actors:
-            return
+        """The tree of each actor (A,); pairs of an actor and a ray that passes near it, and each pair's pose at the ray's own
+        time; and the poses: position, cosine and sine of the yaw. Limbs are where they are in the middle of all times."""
         times = np.asarray(times, float)
         middle, half_span = (times.max() + times.min()) / 2, (times.max() - times.min()) / 2
         position, yaw, velocity = self._tracks.at(middle, np.arange(len(self.actors)))
-        turn = np.linalg.norm(velocity, axis=1) * middle / self._stride + self._first_phase
-        slack = half_span * 1.5 * np.linalg.norm(velocity, axis=1) + (0.2 if half_span else 0.0)
+        speed = np.linalg.norm(velocity, axis=1)
+        turn = speed * middle / self._stride + self._first_phase
+        trees = np.array([tree.handle(phase) for tree, phase in zip(self._bodies, turn.tolist(), strict=True)])
+        slack = half_span * 1.5 * speed + (0.2 if half_span else 0.0)
         center = position + rotate_yaw(self._sphere_center, yaw)
         radius = self._sphere_radius + slack
         which, rays = passing(
             origins, directions, center.astype(np.float32), radius.astype(np.float32), np.float32(max_range)
         )
-        position, cos, sin = (a.astype(np.float32) for a in (position, np.cos(yaw), np.sin(yaw)))
-        each = bool(times.ndim)
-        if each:  # a pose for every pair; most bodies are at rest and have one
-            position, cos, sin = position[which], cos[which], sin[which]
-            late = np.flatnonzero(self._moving[which])
-            position[late], yaw, _ = self._tracks.at(times[rays[late]], which[late])
-            cos[late], sin[late] = np.cos(yaw), np.sin(yaw)
-        kept, moved_o, moved_d = into_bodies(origins, directions, rays, which, position, cos, sin, each, self._bounds)
-        which, rays = which[kept], rays[kept]
-        cos, sin = (cos[kept], sin[kept]) if each else (cos[which], sin[which])
-        for index, (start, end) in enumerate(pairwise(np.searchsorted(which, np.arange(len(self.actors) + 1)))):
-            if start < end:
-                part = slice(start, end)
-                tree = self._trees[id(self.actors[index].asset)].at(turn[index])
-                yield index, tree, rays[part], moved_o[part], moved_d[part], cos[part], sin[part]
+        pose = which
+        if times.ndim and len(late := np.flatnonzero(self._moving[which])):  # most bodies are at rest and have one pose
+            pose = which.copy()
+            pose[late] = len(position) + np.arange(len(late))
+            there, heading, _ = self._tracks.at(times[rays[late]], which[late])
+            position, yaw = np.concatenate([position, there]), np.concatenate([yaw, heading])
+        return trees, which, rays, pose, *(a.astype(np.float32) for a in (position, np.cos(yaw), np.sin(yaw)))

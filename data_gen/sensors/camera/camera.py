@@ -86,7 +86,7 @@ def _trace(renderer: Renderer, camera: Camera) -> tuple[NDArray[np.float32], NDA
     scene, view, shape = renderer.scene, renderer.view, (camera.height, camera.width)
     centers = _centers(*shape)
     rays = view.rays(centers)
-    hits, lit = renderer.cast(rays)
+    hits, lit = renderer.cast(rays, counted=True)
     open_sky = _open_sky(renderer.cover(rays, hits).reshape(shape)).ravel()
     mirror = mirror_image(renderer, rays, hits, shape)
     linear = renderer.luminance(rays, hits, lit, open_sky, mirror, 1.0)

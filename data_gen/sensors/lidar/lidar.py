@@ -42,7 +42,7 @@ class LidarSweep(PointData):
     ring: NDArray[np.uint8]  # (P,)
     time: NDArray[np.float32]  # (P,) seconds relative to the turn's end, <= 0
     body: NDArray[np.int32]  # (P,) actor index, WORLD, or NOTHING for what no surface returned
-    aimed: NDArray[np.int64]  # (A,) rays that would meet each actor alone
+    aimed: NDArray[np.int64]  # (A,) rays that would meet each actor alone; too few between keyframes
     reached: NDArray[np.int64]  # (A,) and those that did, before drop-out
 
     @property
@@ -69,7 +69,7 @@ def sense(scene: Scene, event: CaptureEvent[Lidar]) -> LidarSweep:
     position, yaw, _ = scene.ego.at(t_end + dt)
     origins = position + rotate_yaw(np.broadcast_to(true[:3, 3], (len(dt), 3)), yaw)
     directions = rotate_yaw(in_sensor @ true[:3, :3].T, yaw)
-    hits = scene.cast(origins, directions, t_end + dt, lidar.max_range)
+    hits = scene.cast(origins, directions, t_end + dt, lidar.max_range, counted=event.is_keyframe)
 
     rays = Rays(origins, directions, t_end + dt)
     surfaces = surface_returns(scene, hits, rays, max_range=lidar.max_range)

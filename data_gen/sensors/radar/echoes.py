@@ -39,7 +39,8 @@ def visible_echoes(scene: Scene, events: Sequence[CaptureEvent[Radar]]) -> list[
     which, directions, distance, azimuth, snr = (np.concatenate(part) for part in zip(*views, strict=True))
     owner = np.repeat(np.arange(len(events)), [len(view[0]) for view in views])
     times = np.array([event.true_time for event in events])[owner]
-    hits = scene.cast(np.array(origins)[owner], directions, times, max(event.mount.max_range for event in events))
+    reach = max(event.mount.max_range for event in events)
+    hits = scene.cast(np.array(origins)[owner], directions, times, reach, counted=False)
     bodies, reflectors = scene.reflectors
     uniform = np.concatenate([event.rng.random(len(view[0])) for event, view in zip(events, views, strict=True)])
     hidden = hits.distance < distance - SKIN

@@ -122,7 +122,8 @@ def _unblocked(
     ways = np.concatenate([paths.bounce, paths.target, paths.target]) - starts
     far = np.linalg.norm(ways, axis=1)
     times = np.tile(np.array([event.true_time for event in events])[pairs.owner], 3)
-    hits = scene.cast(starts, ways / far[:, None], times, float(far.max(initial=0.0)) + 1.0)
+    reach = float(far.max(initial=0.0)) + 1.0
+    hits = scene.cast(starts, ways / far[:, None], times, reach, counted=False)
     steep = -np.einsum("kc,kc->k", ways[:count], paths.normal) / far[:count]
     bounces = np.abs(hits.distance[:count] - far[:count]) * steep < FLAT
     bounces &= hits.body[:count] == mirror.body[pairs.strip]

@@ -48,7 +48,7 @@ def _bounced(renderer: Renderer, rays: NDArray, hits: Hits, ground: NDArray[np.i
     along = (rays[ground] * normal).sum(axis=1, keepdims=True)
     towards = np.ascontiguousarray(rays[ground] - 2 * along * normal)
     origins = renderer.lifted(rays, hits, ground)
-    met = scene.cast(origins, towards, renderer.t, _MIRROR_RANGE)
+    met = scene.cast(origins, towards, renderer.t, _MIRROR_RANGE, counted=False)
     points = origins + towards * np.where(np.isfinite(met.distance), met.distance, 0)[:, None]
     colors = renderer.paint(towards, replace(met, distance=met.distance + hits.distance[ground]), 1.0)
     colors[:, 4] = 0.0

@@ -63,9 +63,10 @@ class Renderer:
             self.light = self.light._replace(street=self.light.street * _TOWN_GLOW)
         self.is_wet = scene.wetness.is_wet
 
-    def cast(self, rays: NDArray[np.float32]) -> tuple[Hits, NDArray[np.float32]]:
-        """What the rays (N, 3) meet, and which hits the sun reaches: 1, or 0 in shadow or turned away."""
-        hits = self.scene.cast(self.view.origin, rays, self.t, MAX_RANGE)
+    def cast(self, rays: NDArray[np.float32], *, counted: bool = False) -> tuple[Hits, NDArray[np.float32]]:
+        """What the rays (N, 3) meet, and which hits the sun reaches: 1, or 0 in shadow or turned away. ``counted`` as in
+        ``Scene.cast``."""
+        hits = self.scene.cast(self.view.origin, rays, self.t, MAX_RANGE, counted=counted)
         return hits, self.sunlit(_reach(self.view.origin, rays, hits.distance), hits)
 
     def sunlit(self, at: NDArray[np.float32], hits: Hits) -> NDArray[np.float32]:

@@ -16,7 +16,7 @@ ASCII = {"PYTHONIOENCODING": "ascii", "LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONC
 
 
 def opens_text(call: ast.Call) -> bool:
-    """Whether a call opens a text file: ``open`` in no binary mode, ``read_text`` or ``write_text``. ``os.open`` gives no file."""
+    """Whether a call opens a text file: ``open`` in no binary mode but ``os.open``, ``read_text`` or ``write_text``."""
     name = call.func.attr if isinstance(call.func, ast.Attribute) else getattr(call.func, "id", "")
     if name == "open":
         is_path = isinstance(call.func, ast.Attribute)

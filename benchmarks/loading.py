@@ -41,7 +41,7 @@ TOKEN = re.compile(r'"([0-9a-f]{32})"')
 def enlarge(source: Path, target: Path, keyframes: int) -> None:
     """Writes a data set of at least ``keyframes``: the scenes of ``source``, again and again."""
     (tables,) = source.glob("v1.0-*")
-    text_of = {name: (tables / f"{name}.json").read_text()[1:-1] for name in OWN}
+    text_of = {name: (tables / f"{name}.json").read_text(encoding="utf-8")[1:-1] for name in OWN}
     own = {record["token"] for name in OWN for record in json.loads(f"[{text_of[name]}]")}
     copies = -(-keyframes // len(json.loads(f"[{text_of['sample']}]")))
     shutil.copytree(tables, target / tables.name, dirs_exist_ok=True)
@@ -52,11 +52,11 @@ def enlarge(source: Path, target: Path, keyframes: int) -> None:
         parts = TOKEN.split(text)
         parts[1::2] = [f'"{"@" + token[5:] if token in own else token}"' for token in parts[1::2]]
         pattern = "".join(parts)
-        with (target / tables.name / f"{name}.json").open("w") as file:
+        with (target / tables.name / f"{name}.json").open("w", encoding="utf-8") as file:
             file.write(f"[{','.join(pattern.replace('@', f'{copy:05x}') for copy in range(copies))}]")
-    splits = json.loads((tables / "splits.json").read_text())
+    splits = json.loads((tables / "splits.json").read_text(encoding="utf-8"))
     many = {key: [f"{copy:05x}{name}" for copy in range(copies) for name in names] for key, names in splits.items()}
-    (target / tables.name / "splits.json").write_text(json.dumps(many))
+    (target / tables.name / "splits.json").write_text(json.dumps(many), encoding="utf-8")
     for path in (file for kind in ("samples", "sweeps") for file in source.glob(f"{kind}/*/*")):
         folder = target / path.parent.relative_to(source)
         folder.mkdir(parents=True, exist_ok=True)
@@ -89,7 +89,7 @@ def start(root: Path, cache: str) -> dict[str, float]:
 
 def memory() -> dict[str, float]:
     """RSS, PSS and private memory of this process, MB."""
-    text = Path("/proc/self/smaps_rollup").read_text()
+    text = Path("/proc/self/smaps_rollup").read_text(encoding="utf-8")
     kilobytes = {name: int(value) for name, value in re.findall(r"(\w+): +(\d+) kB", text)}
     return {name.lower(): kilobytes[name] / 1024 for name in ("Rss", "Pss", "Anonymous")}
 

@@ -16,13 +16,13 @@ ASCII = {"PYTHONIOENCODING": "ascii", "LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONC
 
 
 def opens_text(call: ast.Call) -> bool:
-    """Whether a call opens a text file: ``open`` in no binary mode, ``read_text`` or ``write_text``."""
+    """Whether a call opens a text file: ``open`` in no binary mode but ``os.open``, ``read_text`` or ``write_text``."""
     name = call.func.attr if isinstance(call.func, ast.Attribute) else getattr(call.func, "id", "")
     if name == "open":
         is_path = isinstance(call.func, ast.Attribute)
         modes = [a.value for a in call.args[0 if is_path else 1 :] if isinstance(a, ast.Constant)]
         owner = getattr(call.func.value, "id", "") if is_path else ""
-        return owner != "Image" and not any("b" in mode for mode in modes if isinstance(mode, str))
+        return owner not in ("Image", "os") and not any("b" in mode for mode in modes if isinstance(mode, str))
     return name in ("read_text", "write_text")
 
 

@@ -76,7 +76,6 @@ def change_view(sample: Sample, new_T_ego: NDArray[np.float64]) -> Sample:
     )
 
 
-
 def move_points(points: NDArray[np.float32], new_T_ego: NDArray[np.float64]) -> NDArray[np.float32]:
     """Points (P, 3+) in another ego frame (4, 4); themselves where it is the same. A matrix without a turn takes one pass
     over the points in place of a product, with the same result to the bit."""

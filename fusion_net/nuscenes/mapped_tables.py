@@ -19,7 +19,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-import fusion_net
 from fusion_net.common.array_block import block_parts, read_block
 from fusion_net.common.atomic import replacing
 from fusion_net.nuscenes.table_fields import FIELDS, Record, Tables
@@ -73,7 +72,7 @@ class MappedTable(Mapping[str, Any]):
         return self._at(int(self._row[place]))
 
     def _at(self, row: int) -> Any:
-        return json.loads(self._text[self._start[row] : self._start[row + 1]].tobytes())
+        return json.loads(str(self._text[self._start[row] : self._start[row + 1]].data, "utf-8"))
 
 
 class View(Mapping[str, Any]):
@@ -137,7 +136,7 @@ def listed(folder: Path) -> list[str]:
 @cache
 def code_hash(*rooms: str) -> str:
     """Hash of the code in some rooms of the package."""
-    package = Path(fusion_net.__file__).parent
+    package = Path(__file__).parents[1]
     digest = hashlib.sha256()
     for path in sorted(path for room in rooms for path in (package / room).rglob("*.py")):
         digest.update(path.read_bytes())

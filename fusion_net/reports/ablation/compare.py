@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fusion_net.common.cli.overrides import CONFIGS
 from fusion_net.evaluation.bootstrap import interval
 from fusion_net.evaluation.drop_table import SUBSETS
 from fusion_net.reports.ablation.jobs import Job
@@ -177,12 +178,12 @@ def _provenance(done: Sequence[Job]) -> dict[str, Any]:
 
 
 def _beside(results: Sequence[dict[str, Any]]) -> dict[str, list[str]]:
-    """Settings that differ although no job was asked to: of a recipe that was changed between two of them."""
+    """Settings that differ although no job was asked to: of a recipe that was changed between two of them. A group of settings
+    that is swept (``view_transform``) may change the model in many places."""
     asked = {text.lstrip("+").partition("=")[0] for result in results for text in result.get("overrides") or ()}
-    keys = sorted({key for result in results for key in result["settings"]})
+    places = tuple(f"{name}." for name in asked)
+    if any((CONFIGS / name).is_dir() for name in asked):
+        places += ("model.",)
+    keys = sorted({key for result in results for key in result["settings"]} - asked)
     found = {key: sorted({str(result["settings"].get(key, "default")) for result in results}) for key in keys}
-    return {
-        key: values
-        for key, values in found.items()
-        if len(values) > 1 and not any(key == name or key.startswith(f"{name}.") for name in asked)
-    }
+    return {key: values for key, values in found.items() if len(values) > 1 and not key.startswith(places)}

@@ -128,6 +128,9 @@ def test_scores_on_other_data_are_refused_and_other_recipes_named():
     recipes = [{"trainer.fusion_steps": 1200, "p": 0}, {"trainer.fusion_steps": 1500, "p": 1}]
     jobs = [job(f"p={i}", 1, 0.5, settings=settings) for i, settings in enumerate(recipes)]
     assert compare(jobs)["beside"] == {"trainer.fusion_steps": ["1200", "1500"]}
+    deep = [{"model.encoders.camera.stride": stride, "trainer.max_lr": stride / 1e3} for stride in (4, 8)]
+    jobs = [job(f"view_transform={i}", 1, 0.5, settings=settings) for i, settings in enumerate(deep)]
+    assert compare(jobs)["beside"] == {"trainer.max_lr": ["0.004", "0.008"]}
 
 
 def test_two_levels_have_the_variance_of_a_mean_over_seeds_and_that_of_the_scenes():

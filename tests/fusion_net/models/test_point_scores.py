@@ -59,7 +59,7 @@ def test_a_cell_holds_the_mean_score_of_the_pixels_its_points_fall_on(cameras):
 
 @pytest.mark.parametrize("name", ["camera", "lidar", "radar"])
 def test_an_absent_sensor_gives_zeros(name):
-    batch = small_batch()
+    batch = small_batch(radar=100)
     batch.present[1, MODALITIES.index(name)] = False
     found = scored(batch, scores_of(batch))
     assert found["lidar"][1].any() == (name == "radar")

@@ -161,10 +161,12 @@ class Scene:
         max_range: float = 250.0,
         *,
         counted: bool = True,
+        middle: float | None = None,
     ) -> Hits:
         """Nearest hits of rays with global ``origins`` (N, 3) or (3,), unit ``directions`` (N, 3), ``times`` (N,) or a
         scalar in seconds. Rays that follow each other are cast together: the more alike they are, the faster. Whose ``aimed``
-        nobody wants is cast faster without: it is then too low."""
+        nobody wants is cast faster without: it is then too low. Limbs are where they are at the time ``middle``, or in the
+        middle of ``times``."""
         directions = np.ascontiguousarray(directions, np.float32)
         count = len(directions)
         origins = np.ascontiguousarray(np.broadcast_to(np.asarray(origins, np.float32), (count, 3)))
@@ -175,7 +177,7 @@ class Scene:
         meet_world(self._world.handle(), origins, directions, far, distance, body, face, normal)
         aimed = np.zeros(len(self.actors), np.int64)
         if count and self.actors:
-            trees, *pairs = self._towards(origins, directions, times, max_range)
+            trees, *pairs = self._towards(origins, directions, times, max_range, middle)
             aimed = meet_bodies(
                 trees, self._starts, origins, directions, *pairs, self._bounds, far, counted, distance, body, face, normal,
                 local,
@@ -199,11 +201,13 @@ class Scene:
             blocked_by_bodies(trees, origins, directions, limit, *pairs, self._bounds, blocked)
         return blocked
 
-    def _towards(self, origins, directions, times, max_range):
+    def _towards(self, origins, directions, times, max_range, middle=None):
         """The tree of each actor (A,); pairs of an actor and a ray that passes near it, and each pair's pose at the ray's own
-        time; and the poses: position, cosine and sine of the yaw. Limbs are where they are in the middle of all times."""
+        time; and the poses: position, cosine and sine of the yaw. Limbs are where they are at the time ``middle``, or in
+        the middle of all times."""
         times = np.asarray(times, float)
-        middle, half_span = (times.max() + times.min()) / 2, (times.max() - times.min()) / 2
+        middle = (times.max() + times.min()) / 2 if middle is None else middle
+        half_span = max(times.max() - middle, middle - times.min())
         position, yaw, velocity = self._tracks.at(middle, np.arange(len(self.actors)))
         speed = np.linalg.norm(velocity, axis=1)
         turn = speed * middle / self._stride + self._first_phase

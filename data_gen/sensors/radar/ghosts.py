@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_gen.rig.mounts import Radar
-from data_gen.scene.scene import NOTHING, Scene
+from data_gen.scene.scene import NOTHING, Hits, Scene
 from data_gen.sensors.common.event import CaptureEvent
 from data_gen.sensors.radar.detection import DOUBLE_BOUNCE, SINGLE_BOUNCE, Array, Echoes, link_budget_db
 from data_gen.sensors.radar.echoes import FAINT, GRAZING, SKIN, STEP, aspect_db, sensor_places
@@ -117,19 +117,31 @@ def _unblocked(
 ) -> NDArray[np.bool_]:
     """Whether the way out and back is free (K, 2) for the path that bounces once and for that which does twice: the mirror is
     really there and in sight of the sensor, and so is the target of the mirror; once, the target of the sensor as well."""
-    count = len(pairs.owner)
-    starts = np.concatenate([paths.sensor, paths.bounce + 0.02 * paths.normal, paths.sensor])
-    ways = np.concatenate([paths.bounce, paths.target, paths.target]) - starts
-    far = np.linalg.norm(ways, axis=1)
-    times = np.tile(np.array([event.true_time for event in events])[pairs.owner], 3)
-    reach = float(far.max(initial=0.0)) + 1.0
-    hits = scene.cast(starts, ways / far[:, None], times, reach, counted=False)
-    steep = -np.einsum("kc,kc->k", ways[:count], paths.normal) / far[:count]
-    bounces = np.abs(hits.distance[:count] - far[:count]) * steep < FLAT
-    bounces &= hits.body[:count] == mirror.body[pairs.strip]
-    reaches = np.greater(hits.distance, far - SKIN)
-    twice = bounces & reaches[count : 2 * count]
-    return np.stack([twice & reaches[2 * count :], twice], axis=1)
+    times = np.array([event.true_time for event in events])[pairs.owner]
+    out = np.zeros((len(times), 2), bool)
+    if not len(times):
+        return out
+    middle = float(times.max() + times.min()) / 2
+
+    def met(start: Array, end: Array, chosen: NDArray[np.int64]) -> tuple[Hits, Array, Array]:
+        way = end[chosen] - start[chosen]
+        far = np.linalg.norm(way, axis=1)
+        reach = float(far.max(initial=0.0)) + 1.0
+        return (
+            scene.cast(start[chosen], way / far[:, None], times[chosen], reach, counted=False, middle=middle),
+            way,
+            far,
+        )
+
+    hits, way, far = met(paths.sensor, paths.bounce, np.arange(len(times)))
+    steep = -np.einsum("kc,kc->k", way, paths.normal) / far
+    bounces = (np.abs(hits.distance - far) * steep < FLAT) & (hits.body == mirror.body[pairs.strip])
+    chosen = np.flatnonzero(bounces)
+    for start, column in ((paths.bounce + 0.02 * paths.normal, 1), (paths.sensor, 0)):
+        hits, _, far = met(start, paths.target, chosen)
+        chosen = chosen[np.greater(hits.distance, far - SKIN)]
+        out[chosen, column] = True
+    return out
 
 
 def _unit(v: Array) -> Array:

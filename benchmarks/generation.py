@@ -173,7 +173,10 @@ def _two(tree: Path, folder: str, overrides: list[str]) -> dict[str, Any]:
         subprocess.Popen([*command, f"half={half}", f"into={folder}", *overrides], env=env, cwd=tree, stdout=subprocess.PIPE)
         for half in (0, 1)
     ]  # fmt: skip
-    made = [json.loads(half.communicate()[0].splitlines()[-1]) for half in halves]
+    out = [half.communicate()[0] for half in halves]
+    if any(half.returncode for half in halves):
+        raise SystemExit(f"scenes could not be made with the code in {tree}: see above")
+    made = [json.loads(text.splitlines()[-1]) for text in out]
     parts = [part for half in made for part in half]
     mean = {
         key: {step: sum(part[key][step] for part in parts) / len(parts) for step in parts[0][key]}

@@ -88,7 +88,7 @@ def test_two_processes_take_the_step_that_one_takes_on_both_halves_of_a_batch(da
         weights, before = (torch.load(f / "0.pt", weights_only=True)["weights"] for f in (folder, start))
         changes[name] = torch.cat([(weights[key] - before[key]).flatten() for key in sorted(weights)])
     likeness = {name: float(torch.cosine_similarity(changes["one"], changes[name], dim=0)) for name in ("two", "half")}
-    assert likeness["two"] > likeness["half"] + 0.1, likeness
+    assert likeness["two"] > likeness["half"] + 0.05, likeness
 
 
 @pytest.mark.slow

@@ -190,9 +190,9 @@ def test_both_splits_are_read_from_tables_that_are_opened_once(data, tmp_path, m
     opened = []
     start = NuScenes.__init__
 
-    def spy(self, root, *rest):
+    def spy(self, root, *rest, **options):
         opened.append(str(root))
-        start(self, root, *rest)
+        start(self, root, *rest, **options)
 
     monkeypatch.setattr(NuScenes, "__init__", spy)
     monkeypatch.chdir(tmp_path)

@@ -3,6 +3,7 @@
 import json
 import os
 import platform
+import re
 import shlex
 import subprocess
 import sys
@@ -123,7 +124,16 @@ def load_config(folder: Path) -> DictConfig:
         raise ValueError(f"{path} is damaged ({error}); train the run again") from error
     if not isinstance(loaded, DictConfig) or not loaded:
         raise ValueError(f"{path} holds no settings; train the run again")
-    return loaded
+    return OmegaConf.create(_literal(OmegaConf.to_container(loaded, resolve=False)))
+
+
+def _literal(value: Any) -> Any:
+    """Settings that were resolved when they were written, so that OmegaConf looks up nothing in them again."""
+    if isinstance(value, dict):
+        return {key: _literal(each) for key, each in value.items()}
+    if isinstance(value, list):
+        return [_literal(each) for each in value]
+    return re.sub(r"(\\*)\$\{", r"\1\1\\${", value) if isinstance(value, str) else value
 
 
 def load_weights(model: torch.nn.Module, checkpoint: Path) -> None:

@@ -53,11 +53,9 @@ def report(cfg: DictConfig) -> None:
 
 
 def main() -> None:
-    """The folder may be given without its key."""
-    sys.argv[1:] = [
-        f"folder={as_override(word.rstrip('/'))}" if "=" not in word and not word.startswith("-") else word
-        for word in sys.argv[1:]
-    ]
+    """The folder may be given without its key, first."""
+    if sys.argv[1:] and "=" not in sys.argv[1] and not sys.argv[1].startswith("-"):
+        sys.argv[1] = f"folder={as_override(sys.argv[1].rstrip('/'))}"
     report()
 
 

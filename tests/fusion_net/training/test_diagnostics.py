@@ -34,9 +34,8 @@ def test_what_is_saved_gives_the_loss_again(tmp_path):
     model, batch = small_model(), small_batch()
     present = batch.present.clone()
     present[0, 1] = False
-    points = batch.lidar_points.clone()
-    points[-1, 3] = torch.nan
-    batch = replace(batch, present=present, lidar_points=points)
+    broken = replace(batch.targets, heatmap=batch.targets.heatmap * torch.nan)
+    batch = replace(batch, present=present, targets=broken)
     losses = model.loss(model(batch), batch)
     path = tmp_path / "bad.pt"
     save_nonfinite(path, batch, losses, model, step=7, stage="fusion")

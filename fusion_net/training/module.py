@@ -80,7 +80,7 @@ class DetectorModule(pl.LightningModule):
 
     def on_before_optimizer_step(self, optimizer: torch.optim.Optimizer) -> None:
         """Notes the learning rate and, before it is clipped, the gradient's norm, in all and by part."""
-        if (self.global_step + 1) % self.trainer.log_every_n_steps:
+        if (self.global_step + 1) % self.trainer.log_every_n_steps:  # type: ignore[attr-defined]
             return
         norms = {f"train/gradient_norm_{part}": norm for part, norm in gradient_norms(self.model).items()}
         watched = {"train/learning_rate": torch.tensor(optimizer.param_groups[0]["lr"])} | norms

@@ -21,18 +21,20 @@ from fusion_net.common.cli.command_line import command_line
 from fusion_net.data.batch import Batch
 from fusion_net.data.datamodule import NuScenesDataset, StepSampler, keep_memory, make_loader, train_loader
 from fusion_net.evaluate import evaluate_finished
+from fusion_net.evaluation.drop_table import SUBSETS
 from fusion_net.evaluation.scoring import ground_truth
 from fusion_net.models.fusion_net import FusionNet
 from fusion_net.models.precision import autocast, resolve
-from fusion_net.run_dir import mark_finished, open_run, resume_step, run_folder
+from fusion_net.run_dir import NONFINITE, mark_finished, open_run, resume_step, run_folder
 from fusion_net.trained import initialise
-from fusion_net.training.callbacks import MetricsCSV, PlanCallback
+from fusion_net.training.callbacks import LOG_EVERY, MetricsCSV, PlanCallback
 from fusion_net.training.interruption import Interruption, handlers_restored
 from fusion_net.training.module import DetectorModule
 from fusion_net.training.plan import TrainingPlan
 from fusion_net.training.progress import TerminalProgress
 from fusion_net.training.step_end import AtomicCheckpointIO, AveragedWeights, StepEnd
 from fusion_net.training.threads import ThreadWatch, set_threads
+from fusion_net.training.validation_pictures import ValidationPictures
 
 
 def fit(cfg: DictConfig) -> Path:
@@ -55,6 +57,7 @@ def fit(cfg: DictConfig) -> Path:
         initialise(model, cfg.init)
     train_set, val_set = _datasets(cfg)
     plan = _plan(cfg)
+    folder = run_folder(cfg.name)
     module = DetectorModule(
         model,
         modality_dropout=cfg.modality_dropout if len(cfg.encoders) > 1 else 0.0,
@@ -63,8 +66,8 @@ def fit(cfg: DictConfig) -> Path:
         weight_decay=settings.weight_decay,
         max_lr=settings.max_lr,
         seed=cfg.seed,
+        nonfinite_file=folder / NONFINITE,
     )
-    folder = run_folder(cfg.name)
     last = folder / "checkpoints" / "last.ckpt"
     first_step = resume_step(model, last) if cfg.resume and last.exists() else 0
     val_batches = make_loader(val_set, settings.batch_size)
@@ -218,6 +221,8 @@ def _trainer(
         average=average,
         metrics=metrics,
         interruption=interruption,
+        pictures=ValidationPictures(val_set),
+        subsets=SUBSETS if settings.drop_table_at_validation else SUBSETS[:1],
     )
     return pl.Trainer(
         **_devices(settings),
@@ -226,7 +231,7 @@ def _trainer(
         gradient_clip_val=settings.gradient_clip,
         num_sanity_val_steps=0,
         logger=TensorBoardLogger(folder, name="tb", version="", purge_step=first_step),
-        log_every_n_steps=20,
+        log_every_n_steps=LOG_EVERY,
         enable_checkpointing=False,  # StepEnd writes them
         enable_progress_bar=False,
         enable_model_summary=False,

@@ -25,6 +25,8 @@ LONGEST_NAME = 200
 """Bytes of a folder's name; file systems take 255."""
 ABOUT_THE_FOLDER = ("name", "resume", "overwrite", "skip_finished", "evaluate")
 """Settings that say what to do with a run's folder, and not what the run is."""
+NONFINITE = "nonfinite_batch.pt"
+"""The batch whose loss was not finite, in the folder of the run that it ended."""
 FREE_ON_RESUME = (
     "data.", "dataset.train.root", "dataset.val.root", "dataset.train.version", "dataset.val.version", "dataset.workers",
     "dataset.cache", "dataset.train.cache", "dataset.val.cache", "trainer.max_minutes", "trainer.save_every",
@@ -66,7 +68,7 @@ def open_run(folder: Path, cfg: DictConfig, *, resume: bool, overwrite: bool, da
             f"{folder} exists; pass name=ANOTHER, resume=true to go on, or overwrite=true to start it again"
         )
     if not goes_on:
-        for old in ("metrics.csv", "checkpoints/last.ckpt", "checkpoints/best.ckpt", RESULT):
+        for old in ("metrics.csv", "checkpoints/last.ckpt", "checkpoints/best.ckpt", RESULT, NONFINITE):
             (folder / old).unlink(missing_ok=True)
     (folder / "checkpoints").mkdir(parents=True, exist_ok=True)
     _write(folder / "config.yaml", OmegaConf.to_yaml(cfg, resolve=True))
@@ -229,8 +231,10 @@ def _processor() -> str:
 
 
 def _settings(cfg: DictConfig) -> dict[str, Any]:
-    """What a run's result depends on: its settings without those that say how to treat a folder that exists."""
+    """What a run's result depends on: its settings without those that say how to treat a folder that exists, and how
+    much of the training is watched."""
     settings: Any = OmegaConf.to_container(cfg, resolve=True)
+    settings.get("trainer", {}).pop("drop_table_at_validation", None)
     return {key: value for key, value in settings.items() if key not in ABOUT_THE_FOLDER}
 
 

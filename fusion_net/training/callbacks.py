@@ -16,6 +16,9 @@ from torch import Tensor
 from fusion_net.data.datamodule import trim_memory
 from fusion_net.training.plan import Stage, TrainingPlan
 
+LOG_EVERY = 20
+"""Steps from one row of losses to the next, in metrics.csv and TensorBoard alike."""
+
 
 class PlanCallback(pl.Callback):
     """Moves the module through its plan: stage, learning rate, end. Its clock survives a resume.
@@ -77,11 +80,11 @@ class MetricsCSV(pl.Callback):
     Lightning's own CSV logger starts the file again on resume.
     """
 
-    def __init__(self, path: Path, *, every: int = 20) -> None:
+    def __init__(self, path: Path, *, every: int = LOG_EVERY) -> None:
         self.path, self.every = path, every
 
     def on_train_batch_end(self, trainer, pl_module, outputs, batch, batch_idx) -> None:
-        """Writes the step's losses."""
+        """Writes the step's losses, rate and gradient norms."""
         if trainer.global_step % self.every == 0:
             self.write(trainer.global_step, pl_module.scalars)
 

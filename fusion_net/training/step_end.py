@@ -1,6 +1,6 @@
 """The end of a training step: validation, checkpoints, interruption. Here alone is a run's state whole."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +12,12 @@ from torch.optim.swa_utils import get_ema_multi_avg_fn
 
 from fusion_net.common.atomic import replacing
 from fusion_net.common.boxes import Boxes
+from fusion_net.common.nuscenes_format import MODALITIES
 from fusion_net.data.batch import Batch
 from fusion_net.evaluation.scoring import GroundTruth, score
 from fusion_net.training.callbacks import MetricsCSV, PlanCallback
 from fusion_net.training.interruption import Interruption
+from fusion_net.training.validation_pictures import ValidationPictures
 
 
 class AveragedWeights(WeightAveraging):
@@ -62,7 +64,8 @@ class StepEnd(pl.Callback):
     batch and the optimizer may have moved half of the weights. A resumed run repeats the steps since ``last.ckpt``, bit
     for bit. An interruption that comes during validation leaves a checkpoint that says so, and the validation is run again.
     Comes last in the list of callbacks, so that the others have seen the step. Of several processes the first one validates
-    while the others wait for its result; all of them take the same decisions.
+    while the others wait for its result; all of them take the same decisions. ``subsets``: of sensors, which are validated;
+    the first one's mAP chooses ``best.ckpt``.
     """
 
     def __init__(
@@ -77,11 +80,14 @@ class StepEnd(pl.Callback):
         average: AveragedWeights,
         metrics: MetricsCSV,
         interruption: Interruption,
+        pictures: ValidationPictures,
+        subsets: Sequence[Sequence[str]],
     ) -> None:
         self.last, self.best = folder / "last.ckpt", folder / "best.ckpt"
         self.batches, self.truth = batches, truth
         self.validate_every, self.save_every = validate_every, save_every
         self.plan, self.average, self.metrics, self.interruption = plan, average, metrics, interruption
+        self.pictures, self.subsets = pictures, subsets
         self._must_validate, self._best_map = False, -1.0
 
     def on_train_start(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
@@ -116,27 +122,34 @@ class StepEnd(pl.Callback):
             trainer.save_checkpoint(self.best)
 
     def _score(self, trainer: pl.Trainer) -> float | None:
-        """The mAP, with all values noted; None if interrupted."""
+        """The mAP, with all values noted and pictures drawn; None if interrupted."""
         found = self._detect(trainer)
         if found is None:
             return None
-        scored = score(self.truth, [found[token] for token in self.truth.tokens])
-        per_class = zip(scored.classes, scored.class_ap.tolist(), strict=True)
-        values = {"mAP": scored.mAP, "NDS": scored.NDS} | {f"AP_{name}": ap for name, ap in per_class}
+        scored, *others = [score(self.truth, [boxes[token] for token in self.truth.tokens]) for boxes in found]
+        values = {"mAP": scored.mAP, "NDS": scored.NDS}
+        values |= {f"AP_{name}": ap for name, ap in zip(scored.classes, scored.class_ap.tolist(), strict=True)}
+        for subset, other in zip(self.subsets[1:], others, strict=True):
+            values[f"mAP_{'_'.join(subset)}"] = other.mAP
         self._note(trainer, {f"val/{name}": value for name, value in values.items()})
+        with trainer.precision_plugin.val_step_context():
+            self.pictures.write(self.average.model, trainer)
         return float(scored.mAP)
 
     @torch.no_grad()
-    def _detect(self, trainer: pl.Trainer) -> dict[str, Boxes] | None:
-        """Boxes by token, found by the averaged weights with every sensor that is there; None if interrupted."""
-        model = self.average.model.eval()
-        found: dict[str, Boxes] = {}
+    def _detect(self, trainer: pl.Trainer) -> list[dict[str, Boxes]] | None:
+        """Of each subset boxes by token, found by the averaged weights with those of its sensors that are there; None if
+        interrupted."""
+        model, device = self.average.model.eval(), trainer.strategy.root_device
+        found: list[dict[str, Boxes]] = [{} for _ in self.subsets]
         for batch in self.batches:
-            if self.interruption.requested:
-                return None
-            batch = batch.to(trainer.strategy.root_device)
-            with trainer.precision_plugin.val_step_context():
-                found.update(zip(batch.tokens, model.decode(model(batch)), strict=True))
+            batch = batch.to(device)
+            for boxes, subset in zip(found, self.subsets, strict=True):
+                if self.interruption.requested:
+                    return None
+                chosen = torch.tensor([name in subset for name in MODALITIES], device=device)
+                with trainer.precision_plugin.val_step_context():
+                    boxes.update(zip(batch.tokens, model.decode(model(batch, batch.present & chosen)), strict=True))
         return found
 
     def _note(self, trainer: pl.Trainer, values: Mapping[str, float]) -> None:

@@ -39,7 +39,7 @@ def picture_sheet(
         tiles.append(draw_sample(sample, boxes[boxes.score > min_score], dataset))
     sheet = _legend(min_score, 2 * tiles[0].shape[1] if tiles else WIDTH)
     if tiles:
-        sheet = np.concatenate([sheet, _grid(tiles, columns=2)])
+        sheet = np.concatenate([sheet, montage(tiles, columns=2)])
     if not cv2.imwrite(str(path), sheet[..., ::-1]):
         raise OSError(f"could not write {path}")
 
@@ -76,8 +76,8 @@ def _cameras(sample: Sample, boxes: Boxes, color: Color, classes: list[str]) -> 
         boxes_on_image(image, boxes, color=color, scale=scale, **mount)
         _names(image, boxes, color, classes, scale=scale, **mount)
         images.append(image)
-    montage = _grid(images, columns)
-    return np.pad(montage, ((0, 0), (0, WIDTH - montage.shape[1]), (0, 0)))
+    rows = montage(images, columns)
+    return np.pad(rows, ((0, 0), (0, WIDTH - rows.shape[1]), (0, 0)))
 
 
 def _names(image: Image, boxes: Boxes, color: Color, classes: list[str], *, cam_K, ego_T_cam, scale: float) -> None:
@@ -91,7 +91,7 @@ def _names(image: Image, boxes: Boxes, color: Color, classes: list[str], *, cam_
             cv2.putText(image, text, where, cv2.FONT_HERSHEY_SIMPLEX, 0.35, color, 1, cv2.LINE_AA)
 
 
-def _grid(images: list[Image], columns: int) -> Image:
+def montage(images: list[Image], columns: int) -> Image:
     """Images of one size in rows; black where the last row is not full."""
     blank = np.zeros_like(images[0])
     padded = images + [blank] * (-len(images) % columns)

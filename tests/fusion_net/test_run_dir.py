@@ -147,6 +147,14 @@ def test_a_run_is_finished_once_it_says_so_and_only_for_its_own_settings(tmp_pat
     assert not is_finished(folder, CONFIG)
 
 
+def test_how_much_is_watched_is_no_setting_of_the_result(tmp_path):
+    """Runs from before there was a choice count too."""
+    before = OmegaConf.merge(CONFIG, {"trainer": {"batch_size": 8}})
+    folder = open_run(tmp_path / "a", before, resume=False, overwrite=False)
+    mark_finished(folder, steps=5, planned=5)
+    assert is_finished(folder, OmegaConf.merge(before, {"trainer": {"drop_table_at_validation": True}}))
+
+
 def test_a_run_that_time_cut_short_says_so(tmp_path):
     folder = open_run(tmp_path / "a", CONFIG, resume=False, overwrite=False)
     assert cut_short(folder) == ""

@@ -101,10 +101,12 @@ class Moments:
 
 @pytest.fixture(scope="module", autouse=True)
 def setting():
-    """A row of losses every two steps; a SIGTERM that nobody handles, before the first step, ends the run and not pytest."""
+    """A row of losses and gradient norms every two steps; a SIGTERM that nobody handles, before the first step, ends the
+    run and not pytest."""
     before = signal.signal(signal.SIGTERM, lambda *_: die())
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(callbacks.MetricsCSV.__init__, "__kwdefaults__", {"every": 2})
+        patch.setattr("fusion_net.fit.LOG_EVERY", 2)
         yield
     signal.signal(signal.SIGTERM, before)
 

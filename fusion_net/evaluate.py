@@ -112,7 +112,7 @@ def evaluate_run(cfg: DictConfig) -> None:
     )
     if dataset.reader.faults:
         doc["fault"] = {"name": cfg.fault.name, "severity": cfg.fault.severity}
-    if cut := cut_short(trained.folder):
+    if cut := cut_short(trained.record):
         doc["notes"].append(cut)
     audit = audit_decoys(truth, dataset.index, table.tables)
     if audit:

@@ -7,7 +7,7 @@ import re
 import shlex
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -82,10 +82,10 @@ def mark_finished(folder: Path, *, steps: int, planned: int) -> None:
     _write_surroundings(folder, surroundings(folder) | {"finished": True, "steps": steps, "planned_steps": planned})
 
 
-def cut_short(folder: Path) -> str:
-    """What to say beside the scores of a run that a time limit ended before its plan did; "" for others."""
-    noted = surroundings(folder)
-    steps, planned = noted.get("steps", 0), noted.get("planned_steps", 0)
+def cut_short(record: Mapping[str, Any]) -> str:
+    """What to say beside the scores of a run that a time limit ended before its plan did, by its ``steps`` and
+    ``planned_steps``; "" for others."""
+    steps, planned = record.get("steps") or 0, record.get("planned_steps") or 0
     if steps >= planned:
         return ""
     return f"cut short: trainer.max_minutes ended the run after {steps} of its {planned} steps."

@@ -9,6 +9,7 @@ from omegaconf import DictConfig, OmegaConf
 from torch import Tensor
 
 from fusion_net.common.cli.command import build
+from fusion_net.common.cli.command_line import command_line
 from fusion_net.common.cli.composed import composed
 from fusion_net.common.cli.overrides import CONFIGS
 from fusion_net.models.fusion_net import FusionNet
@@ -66,7 +67,10 @@ def shipped_path(name: str) -> Path:
     path = Path(name) if "/" in name or name.endswith((".pt", ".ckpt")) else SHIPPED / f"{name}.pt"
     if not path.is_file():
         known = ", ".join(sorted(file.stem for file in SHIPPED.glob("*.pt"))) or "none"
-        raise FileNotFoundError(f"no shipped weights {name}; there are {known}, and files are named by their path")
+        make = command_line("eval.py", run="runs/NAME", ship=f"checkpoints/{Path(name).stem}.pt")
+        raise FileNotFoundError(
+            f"no shipped weights {name}; there are {known}, and files are named by their path; of a run: {make}"
+        )
     return path
 
 
@@ -103,7 +107,7 @@ def run_record(folder: Path, cfg: DictConfig) -> dict[str, Any]:
     """What a run was, as plain values: ``overrides`` and ``settings`` (those that differ from the default's), steps, minutes of
     training without validation, command, commit, processor, and the hashes of its data."""
     around = surroundings(folder)
-    named = ("overrides", "job", "command", "git", "processor", "cores", "threads", "torch", "data")
+    named = ("overrides", "job", "command", "git", "processor", "cores", "threads", "torch", "data", "planned_steps")
     record = {"run": folder.as_posix(), "seed": cfg.seed, "encoders": list(cfg.encoders)}
     record |= {name: around.get(name) for name in named} | {"settings": changed_settings(cfg)}
     last = folder / "checkpoints" / "last.ckpt"

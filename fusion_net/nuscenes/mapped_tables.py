@@ -8,6 +8,7 @@ import hashlib
 import json
 import mmap
 import os
+import zlib
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
@@ -27,6 +28,8 @@ from fusion_net.nuscenes.tables import load_tables, read_json
 LARGE = ("sample_data", "ego_pose", "instance", "sample_annotation")
 """Tables that are mapped; the others are small and parsed."""
 
+CHECKSUM = 8
+"""Bytes at the end of the file."""
 KEPT = 2
 """Files of a version folder that are kept: two working copies of the code may read one data set."""
 
@@ -106,13 +109,12 @@ def map_tables(root: Path, folder: Path) -> MappedTables | None:
     where it cannot be written."""
     target = cache_folder(root, folder) / f"tables-{_hash(folder)}"
     with suppress(OSError):  # nobody can write there, or another process was first
-        if not target.exists() and _is_writable(target.parent):
+        if not _is_whole(target) and _is_writable(target.parent):
             _write(target, load_tables(folder))
             _delete_oldest(target.parent)
-    try:
-        mapped: dict[str, Any] = {name: MappedTable(target, name) for name in (*LARGE, "keyframes", "scenes")}
-    except OSError:
+    if not _is_whole(target):
         return None
+    mapped: dict[str, Any] = {name: MappedTable(target, name) for name in (*LARGE, "keyframes", "scenes")}
     small = [name for name in FIELDS if name not in LARGE]
     parsed = {name: {each["token"]: each for each in read_json(folder / f"{name}.json")} for name in small}
     return MappedTables({name: mapped[name] for name in LARGE} | parsed, mapped["keyframes"], mapped["scenes"])
@@ -154,6 +156,26 @@ def _mapped(path: Path) -> dict[str, NDArray]:
         return read_block(memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)))[1]
 
 
+@lru_cache(maxsize=64)
+def _is_same(path: Path, size: int, changed: int) -> bool:
+    """Whether a file of this size and time of change ends with the checksum of what comes before."""
+    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
+        whole = memoryview(content)
+        try:
+            return zlib.crc32(whole[:-CHECKSUM]) == int.from_bytes(whole[-CHECKSUM:], "little")
+        finally:
+            whole.release()
+
+
+def _is_whole(path: Path) -> bool:
+    """Whether the file is there as it was written: what is in the cache may be deleted or damaged, and is made again."""
+    try:
+        stat = path.stat()
+        return stat.st_size > CHECKSUM and _is_same(path, stat.st_size, stat.st_mtime_ns)
+    except OSError:
+        return False
+
+
 def _is_writable(folder: Path) -> bool:
     folder.mkdir(parents=True, exist_ok=True)
     return os.access(folder, os.W_OK)
@@ -167,8 +189,11 @@ def _write(target: Path, tables: Tables) -> None:
     own = target.with_name(f".{target.name}-{os.getpid()}")
     try:
         with replacing(own) as file:
+            checksum = 0
             for part in block_parts("tables", arrays):
                 file.write(part)
+                checksum = zlib.crc32(part, checksum)
+            file.write(checksum.to_bytes(CHECKSUM, "little"))
         own.replace(target)
     finally:
         with suppress(OSError):

@@ -15,6 +15,7 @@ from fusion_net.run_dir import (
     refuse_other_data,
     resume_step,
     run_folder,
+    surroundings,
 )
 
 CONFIG = OmegaConf.create(
@@ -157,11 +158,11 @@ def test_how_much_is_watched_is_no_setting_of_the_result(tmp_path):
 
 def test_a_run_that_time_cut_short_says_so(tmp_path):
     folder = open_run(tmp_path / "a", CONFIG, resume=False, overwrite=False)
-    assert cut_short(folder) == ""
+    assert cut_short(surroundings(folder)) == ""
     mark_finished(folder, steps=5, planned=5)
-    assert cut_short(folder) == ""
+    assert cut_short(surroundings(folder)) == ""
     mark_finished(folder, steps=3, planned=5)
-    assert "after 3 of its 5 steps" in cut_short(folder)
+    assert "after 3 of its 5 steps" in cut_short(surroundings(folder))
 
 
 @pytest.mark.parametrize(

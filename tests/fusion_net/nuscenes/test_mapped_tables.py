@@ -101,3 +101,25 @@ def test_a_process_that_is_spawned_maps_them_itself(root):
     data = pickle.dumps(NuScenes(root, mapped=True))
     assert_same(pickle.loads(data), NuScenes(root))
     shutil.rmtree(root / ".cache")
+
+
+@pytest.mark.parametrize("damage", ["cut", "empty", "zeros", "head"])
+def test_a_damaged_file_is_made_again(root, damage):
+    NuScenes(root, mapped=True)
+    (path,) = written(root)
+    whole = path.read_bytes()
+    middle = len(whole) // 2
+    changed = {"cut": whole[:middle], "empty": b"", "zeros": whole[:middle] + bytes(40) + whole[middle + 40 :]}
+    path.write_bytes(changed.get(damage, b"\xff" * 30 + whole[30:]))
+    assert_same(NuScenes(root, mapped=True), NuScenes(root))
+    assert path.read_bytes() == whole
+
+
+def test_a_damaged_file_that_cannot_be_made_again_is_not_read(root, monkeypatch):
+    NuScenes(root, mapped=True)
+    (path,) = written(root)
+    path.write_bytes(path.read_bytes()[:-100])
+    monkeypatch.setattr(mapped_tables, "_is_writable", lambda folder: False)
+    nusc = NuScenes(root, mapped=True)
+    assert nusc.mapped is None
+    assert nusc.tables == NuScenes(root).tables

@@ -39,7 +39,8 @@ class MappedTable(Mapping[str, Any]):
 
     def __init__(self, path: Path, name: str) -> None:
         self._path, self._name = path, name
-        arrays = _mapped(path)
+        stat = path.stat()
+        arrays = _mapped(path, stat.st_size, stat.st_mtime_ns)
         self._text, self._start = arrays[f"{name}.text"], arrays[f"{name}.start"]
         self._sorted, self._row = arrays[f"{name}.sorted"], arrays[f"{name}.row"]
         self._record = lru_cache(maxsize=4096)(self._parsed)
@@ -151,7 +152,8 @@ def _hash(folder: Path) -> str:
 
 
 @lru_cache(maxsize=64)
-def _mapped(path: Path) -> dict[str, NDArray]:
+def _mapped(path: Path, size: int, changed: int) -> dict[str, NDArray]:
+    """The arrays of a file of this size and time of change: pages of an older one may be gone."""
     with path.open("rb") as file:
         return read_block(memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)))[1]
 

@@ -41,16 +41,10 @@ def fit(cfg: DictConfig) -> Path:
     """Trains what the config describes; returns the run's folder. Mistakes in it, and data that cannot be read or does not
     suit the model, raise before anything is written. Ctrl-C and SIGTERM let the step end first and write
     ``checkpoints/last.ckpt``, from which ``resume=true`` goes on as if nothing had been, to the bit."""
-    if not 0 <= cfg.seed < 2**32:
-        raise ValueError(f"seed={cfg.seed} is not within 0 and 2**32 - 1")
+    _check(cfg)
     pl.seed_everything(cfg.seed, verbose=False)
     keep_memory()
     settings = cfg.trainer
-    for name in ("batch_size", "validate_every", "save_every"):
-        if settings[name] < 1:
-            raise ValueError(f"trainer.{name}={settings[name]} must be at least 1")
-    if cfg.dataset.workers < 0:
-        raise ValueError(f"dataset.workers={cfg.dataset.workers} is not a number of processes; 0 reads in this one")
     set_threads(settings.threads)
     model = build(cfg.model, "model")
     if cfg.init is not None:
@@ -115,6 +109,17 @@ def fit(cfg: DictConfig) -> Path:
         else:
             print(f"done; score it with: {command_line('eval.py', run=folder)}")
     return folder
+
+
+def _check(cfg: DictConfig) -> None:
+    """ValueError for numbers that no run can have."""
+    if not 0 <= cfg.seed < 2**32:
+        raise ValueError(f"seed={cfg.seed} is not within 0 and 2**32 - 1")
+    for name in ("batch_size", "validate_every", "save_every"):
+        if cfg.trainer[name] < 1:
+            raise ValueError(f"trainer.{name}={cfg.trainer[name]} must be at least 1")
+    if cfg.dataset.workers < 0:
+        raise ValueError(f"dataset.workers={cfg.dataset.workers} is not a number of processes; 0 reads in this one")
 
 
 def _datasets(cfg: DictConfig) -> tuple[NuScenesDataset, NuScenesDataset]:

@@ -32,6 +32,7 @@ FOOTNOTES = (
 
 class GroundTruth:
     """Labels and poses of S samples, filtered once. ``classes`` are the model's: the labels of its boxes index them.
+    ``visibility``: of each label, as :class:`fusion_net.nuscenes.annotations.Annotations` has it.
 
     ``tokens`` has the samples in the order of their data set's sample table. That is the devkit's, and equal scores are ranked
     by it. Boxes are compared in the global frame.
@@ -44,8 +45,12 @@ class GroundTruth:
         self.scenes = np.array([nusc.scene(token)["token"] for nusc, token in samples], dtype=np.str_)
         self.metric, self.official_metric = DetectionMetric(classes=self.classes), DetectionMetric()
         self._filter = BoxFilter(self.global_T_ego[:, :2, 3], [nusc.racks(token) for nusc, token in samples])
+        annotations = [nusc.annotations(token, self.classes) for nusc, token in samples]
+        configured = labelled(annotations)
+        counts = self._counts(configured)
+        self.labels = configured[counts]
+        self.visibility = np.concatenate([np.zeros(0, np.int64), *(each.visibility for each in annotations)])[counts]
         everything = labelled([nusc.annotations(token, CLASSES) for nusc, token in samples])
-        self.labels = self._on_grid(everything.relabel(CLASSES, self.classes))
         self.official_labels = everything[self._filter(everything, self.official_metric)]
 
     def table(self, found: Sequence[Boxes]) -> SampleBoxes:
@@ -54,7 +59,7 @@ class GroundTruth:
 
     def matches(self, found: SampleBoxes) -> list[ClassMatches]:
         """Who takes whom, over the configured classes."""
-        return self.metric.match(self.labels, self._on_grid(found), len(self.tokens))
+        return self.metric.match(self.labels, self.counted(found), len(self.tokens))
 
     def official_matches(self, found: SampleBoxes) -> list[ClassMatches]:
         """Who takes whom, over nuScenes' ten classes, on the grid or off it."""
@@ -66,11 +71,17 @@ class GroundTruth:
         """The devkit's score."""
         return self.official_metric.summarise(self.official_matches(found))
 
-    def _on_grid(self, boxes: SampleBoxes) -> SampleBoxes:
-        """Boxes that nuScenes counts and whose centre is on the grid."""
+    def counted(self, found: SampleBoxes) -> SampleBoxes:
+        """The predictions that are scored: those that nuScenes counts and whose centre is on the grid."""
+        return found[self._counts(found)]
+
+    def in_ego(self, boxes: SampleBoxes) -> NDArray[np.float64]:
+        """Centres (N, 3) in the ego frame of their sample."""
         ego_T_global = invert(self.global_T_ego)[boxes.sample]
-        center = np.einsum("nij,nj->ni", ego_T_global[:, :3, :3], boxes.boxes.center) + ego_T_global[:, :3, 3]
-        return boxes[self._filter(boxes, self.metric) & self.grid.contains(center[:, :2])]
+        return np.einsum("nij,nj->ni", ego_T_global[:, :3, :3], boxes.boxes.center) + ego_T_global[:, :3, 3]
+
+    def _counts(self, boxes: SampleBoxes) -> NDArray[np.bool_]:
+        return self._filter(boxes, self.metric) & self.grid.contains(self.in_ego(boxes)[:, :2])
 
 
 def ground_truth(dataset: NuScenesDataset) -> GroundTruth:

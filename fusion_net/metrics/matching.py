@@ -25,10 +25,16 @@ class ClassMatches:
 
     score: NDArray[np.float64]  # (P,)
     sample: NDArray[np.int64]  # (P,)
-    hit: NDArray[np.bool_]  # (T, P) by distance threshold
+    row: NDArray[np.int64]  # (P,) of the table of this class's predictions that was matched
+    taken: NDArray[np.int64]  # (T, P) by distance threshold: the label taken, counted sample by sample; -1 for none
     is_pair: NDArray[np.bool_]  # (P,) hits at the threshold at which errors are measured
     errors: NDArray[np.float64]  # (5, P) TP_ERRORS of those pairs; NaN elsewhere and where nothing is to compare
     num_gt: NDArray[np.int64]  # (S,) labels of each sample
+
+    @property
+    def hit(self) -> NDArray[np.bool_]:
+        """(T, P) which predictions take a label, by distance threshold."""
+        return self.taken >= 0
 
 
 def match_class(
@@ -42,7 +48,8 @@ def match_class(
 ) -> ClassMatches:
     """Matches the boxes of one class over all samples. ``distances`` (T,) metres; ``tp_distance`` is where errors are taken."""
     truth = truth[np.argsort(truth.sample, kind="stable")]
-    found = found[np.argsort(found.boxes.score, kind="stable")[::-1]]  # equal scores: the later box first
+    order = np.argsort(found.boxes.score, kind="stable")[::-1]  # equal scores: the later box first
+    found = found[order]
     num_gt = np.bincount(truth.sample, minlength=num_samples)
     start = np.concatenate([[0], np.cumsum(num_gt)])
     thresholds = np.append(distances, tp_distance).astype(float)
@@ -53,7 +60,7 @@ def match_class(
     pair = taken[-1]
     errors = np.full((len(TP_ERRORS), len(found)), np.nan)
     errors[:, pair >= 0] = _pair_errors(truth[pair[pair >= 0]], found[pair >= 0], yaw_period)
-    return ClassMatches(found.boxes.score, found.sample, taken[:-1] >= 0, pair >= 0, errors, num_gt)
+    return ClassMatches(found.boxes.score, found.sample, order, taken[:-1], pair >= 0, errors, num_gt)
 
 
 @njit(cache=True)

@@ -132,7 +132,8 @@ def test_the_threshold_is_where_f1_is_best():
     match = ClassMatches(
         np.array([0.9, 0.7, 0.5, 0.3, 0.1]),
         np.zeros(5, np.int64),
-        is_pair[None],
+        np.arange(5),
+        np.array([[0, 1, -1, -1, 2]]),
         is_pair,
         np.zeros((5, 5)),
         np.array([3]),

@@ -12,7 +12,7 @@ from hydra.core.hydra_config import HydraConfig
 from hydra.types import RunMode
 from lightning.pytorch.loggers import TensorBoardLogger
 from lightning.pytorch.strategies import StrategyRegistry
-from omegaconf import DictConfig
+from omegaconf import DictConfig, OmegaConf
 from torch.utils.data import DataLoader
 
 from fusion_net.common.checks import check_names
@@ -50,7 +50,7 @@ def fit(cfg: DictConfig) -> Path:
     if cfg.init is not None:
         initialise(model, cfg.init)
     train_set, val_set = _datasets(cfg)
-    plan = _plan(cfg)
+    plan = _plan(cfg.trainer, model)
     folder = run_folder(cfg.name)
     module = DetectorModule(
         model,
@@ -118,6 +118,8 @@ def _check(cfg: DictConfig) -> None:
     for name in ("batch_size", "validate_every", "save_every"):
         if cfg.trainer[name] < 1:
             raise ValueError(f"trainer.{name}={cfg.trainer[name]} must be at least 1")
+    if cfg.painting != "learned" and OmegaConf.select(cfg, "model.encoders.camera.painting") is None:
+        raise ValueError(f"painting={cfg.painting}: this model paints no points; add model=early")
     if cfg.dataset.workers < 0:
         raise ValueError(f"dataset.workers={cfg.dataset.workers} is not a number of processes; 0 reads in this one")
 
@@ -143,19 +145,20 @@ def _try(model: FusionNet, train_batch: Batch, val_batch: Batch) -> None:
     """Shows a copy of the model one batch of each kind: what does not fit together is found before a run's folder is there,
     and not at the first validation, many minutes later."""
     trial = copy.deepcopy(model)
-    if "camera" in trial.encoders:
+    if trial.image_network is not None:
         trial.camera_loss(train_batch)
     trial.loss(trial(train_batch), train_batch)
     trial.eval()
     trial.decode(trial(val_batch))
 
 
-def _plan(cfg: DictConfig) -> TrainingPlan:
-    """The configured stages; without a camera, or with nothing else, its own fall away."""
-    settings = cfg.trainer
+def _plan(settings: DictConfig, model: FusionNet) -> TrainingPlan:
+    """The configured stages. The camera's fall away where no image network is to be trained, and where the camera's is not
+    one of several maps."""
+    sees_alone = "camera" in model.encoders and len(model.encoders) > 1
     steps = {
-        "camera": settings.camera_steps if "camera" in cfg.encoders else 0,
-        "camera_only": settings.camera_only_steps if "camera" in cfg.encoders and len(cfg.encoders) > 1 else 0,
+        "camera": settings.camera_steps if model.image_network is not None else 0,
+        "camera_only": settings.camera_only_steps if sees_alone else 0,
         "fusion": settings.fusion_steps,
     }
     return TrainingPlan(

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from fusion_net.common.modalities import STYLES
 from fusion_net.common.nuscenes_format import CLASSES, MODALITIES, VISIBILITY_LEVELS
-from fusion_net.reports.dataset_survey import Survey
+from fusion_net.reports.dataset.survey import Survey
 
 RANGES = (0, 10, 20, 30, 40, 50, 60)
 """Edges in metres of the rings in which objects are counted."""

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from fusion_net.common.drawing import label
 from fusion_net.common.modalities import STYLES
 from fusion_net.common.nuscenes_format import CLASSES
-from fusion_net.reports.dataset_page_style import COLOR_OF, FIVE
-from fusion_net.reports.dataset_summary import RANGES, Summary, all_returns
-from fusion_net.reports.dataset_survey import Survey
+from fusion_net.reports.dataset.drawing import COLOR_OF, FIVE
+from fusion_net.reports.dataset.summary import RANGES, Summary, all_returns
+from fusion_net.reports.dataset.survey import Survey
 
 Integers = NDArray[np.int64]
 

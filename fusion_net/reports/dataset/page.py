@@ -1,22 +1,18 @@
 """The statistics of a data set as one HTML file that needs nothing beside it."""
 
-import base64
-import html
 import io
 from collections.abc import Iterable
 
-import cv2
-import numpy as np
 from matplotlib.figure import Figure
 
 from fusion_net.common.drawing import label
 from fusion_net.common.modalities import STYLES
 from fusion_net.common.nuscenes_format import CLASSES, MODALITIES
-from fusion_net.reports import dataset_page_objects as objects
-from fusion_net.reports import dataset_page_sensors as sensors
-from fusion_net.reports.dataset_page_style import Drawing, draw
-from fusion_net.reports.dataset_summary import Summary
-from fusion_net.reports.dataset_survey import Survey
+from fusion_net.reports.dataset import objects, sensors
+from fusion_net.reports.dataset.drawing import Drawing, draw
+from fusion_net.reports.dataset.summary import Summary
+from fusion_net.reports.dataset.survey import Survey
+from fusion_net.reports.page.html import card, cards, escaped, facts, image, inline, page, section, table
 
 Section = tuple[str, str, list[tuple[str, Drawing]]]
 
@@ -55,69 +51,43 @@ SECTIONS: list[Section] = [
         ],
     ),
 ]
-STYLE = """
-:root { --ink: #22252a; --soft: #6b7075; --line: #e3e2dc; --paper: #f7f6f2; --accent: #2f6690; }
-* { box-sizing: border-box; }
-body { margin: 0; background: var(--paper); color: var(--ink);
-  font: 15px/1.5 system-ui, "Segoe UI", "DejaVu Sans", sans-serif; }
-main { max-width: 1180px; margin: 0 auto; padding: 36px 24px 64px; }
-h1 { font-size: 30px; margin: 0; letter-spacing: -0.3px; } h2 { font-size: 20px; margin: 44px 0 2px; }
-p { color: var(--soft); margin: 4px 0 16px; max-width: 75ch; }
-.facts { display: grid; grid-template-columns: repeat(7, 1fr); gap: 10px; margin: 22px 0 26px; }
-.fact { background: white; border: 1px solid var(--line); border-radius: 10px; padding: 11px 14px; }
-.fact b { display: block; font-size: 24px; white-space: nowrap; font-weight: 650; color: var(--accent); }
-.fact span { color: var(--soft); font-size: 13px; }
-.film { display: grid; grid-template-columns: repeat(4, 1fr); gap: 10px; }
-.film figure { margin: 0; background: white; border: 1px solid var(--line); border-radius: 10px; overflow: hidden; }
-.film img { width: 100%; display: block; } .film figcaption { padding: 5px 10px 7px; font-size: 13px; color: var(--soft); }
-.charts { display: grid; grid-template-columns: 1fr 1fr; gap: 16px; }
-.chart { background: white; border: 1px solid var(--line); border-radius: 10px; padding: 12px 14px 6px; }
-.wide { grid-column: 1 / -1; }
-.chart h3 { font-size: 14px; margin: 0 0 6px; } .chart img { width: 100%; }
-table { border-collapse: collapse; width: 100%; background: white; border: 1px solid var(--line); font-size: 13.5px; }
-th, td { padding: 6px 12px; text-align: right; border-top: 1px solid var(--line); font-variant-numeric: tabular-nums; }
-th { color: var(--soft); font-weight: 600; border-top: 0; } th:first-child, td:first-child { text-align: left; }
-.words td, .words th { text-align: left; }
-@media (max-width: 820px) { .charts { grid-template-columns: 1fr; } .film { grid-template-columns: 1fr 1fr; }
-  .facts { grid-template-columns: repeat(3, 1fr); } }
-"""
 
 
 def render_page(found: Survey, summary: Summary) -> str:
     """The whole page."""
-    name = html.escape(str(summary["root"]))
+    name = str(summary["root"])
     body = [
-        f"<h1>{name}</h1>",
-        f"<p>{summary['scenes']:,} scenes of the split &ldquo;{html.escape(summary['split'])}&rdquo; on"
+        f"<h1>{escaped(name)}</h1>",
+        f"<p>{summary['scenes']:,} scenes of the split &ldquo;{escaped(summary['split'])}&rdquo; on"
         f" {_layouts(summary)}. Sensor files were opened in {summary['sensor_data']['keyframes']:,} keyframes.</p>",
         _facts(summary),
         _film(found),
     ]
     for title, text, drawings in SECTIONS:
-        body += [f"<h2>{title}</h2><p>{text}</p>", _charts(found, summary, drawings)]
+        body.append(section(title, text, _charts(found, summary, drawings)))
     body += [
-        "<h2>Compared with nuScenes</h2><p>Only what is published of it; its scenes are real and ours are not, so look at the"
-        " shape and not at the digit.</p>",
-        _table(["", "here", "nuScenes", "source"], summary["nuscenes"], "words"),
-        "<h2>In figures</h2><p>Means over keyframes by condition, and over boxes by class.</p>",
-        _table(*_condition_rows(summary)),
-        "<br>",
-        _table(*_class_rows(summary)),
+        section(
+            "Compared with nuScenes",
+            "Only what is published of it; its scenes are real and ours are not, so look at the shape and not at the digit.",
+            table(["", "here", "nuScenes", "source"], summary["nuscenes"], "words"),
+        ),
+        section(
+            "In figures",
+            "Means over keyframes by condition, and over boxes by class.",
+            table(*_condition_rows(summary)),
+            table(*_class_rows(summary)),
+        ),
     ]
-    return (
-        f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{name}</title>'
-        f'<meta name="viewport" content="width=device-width"><style>{STYLE}</style></head>'
-        f"<body><main>{''.join(body)}</main></body></html>\n"
-    )
+    return page(name, body)
 
 
 def _layouts(summary: Summary) -> str:
-    return html.escape(", ".join(f"{label(name)} ({count})" for name, count in summary["layouts"].items()))
+    return escaped(", ".join(f"{label(name)} ({count})" for name, count in summary["layouts"].items()))
 
 
 def _facts(summary: Summary) -> str:
     channels = summary["channels"]
-    facts = [
+    tiles = [
         (f"{summary['keyframes']:,}", "keyframes"),
         (f"{summary['objects']:,}", "labelled boxes"),
         (f"{summary['objects_per_keyframe']['mean']:.1f}", "boxes per keyframe"),
@@ -129,7 +99,7 @@ def _facts(summary: Summary) -> str:
         (_figure(summary["sensor_data"]["lidar_points"]["mean"]), "LiDAR points per sweep"),
         (_figure(summary["sensor_data"]["radar_returns_per_scan"]["mean"]), "radar returns per scan"),
     ]
-    return f'<div class="facts">{"".join(f"<div class=fact><b>{a}</b><span>{b}</span></div>" for a, b in facts)}</div>'
+    return facts(tiles)
 
 
 def _film(found: Survey) -> str:
@@ -139,26 +109,18 @@ def _film(found: Survey) -> str:
     shots = []
     for kind in order[:24]:
         text = label(kind[0]) + (f", severity {kind[1]}" if kind[0] in several else "")
-        shots.append(
-            f'<figure><img alt="" src="{_inline(_jpeg(found.pictures[kind]), "jpeg")}">'
-            f"<figcaption>{html.escape(text)}</figcaption></figure>"
-        )
+        picture = image(found.pictures[kind], text, quality=85)
+        shots.append(f"<figure>{picture}<figcaption>{escaped(text)}</figcaption></figure>")
     return f'<div class="film">{"".join(shots)}</div>'
 
 
 def _charts(found: Survey, summary: Summary, drawings: Iterable[tuple[str, Drawing]]) -> str:
-    cards = []
+    drawn = []
     for title, drawing in drawings:
-        size, kind = ((11.6, 1.35), "chart wide") if drawing is objects.sizes else ((5.6, 3.3), "chart")
-        source = _inline(_png(draw(drawing, found, summary, size)), "png")
-        cards.append(f'<div class="{kind}"><h3>{title}</h3><img alt="{title}" src="{source}"></div>')
-    return f'<div class="charts">{"".join(cards)}</div>'
-
-
-def _table(head: list[str], rows: list[list[str]], kind: str = "") -> str:
-    lines = ["".join(f"<th>{html.escape(cell)}</th>" for cell in head)]
-    lines += ["".join(f"<td>{html.escape(cell)}</td>" for cell in row) for row in rows]
-    return f'<table class="{kind}">{"".join(f"<tr>{line}</tr>" for line in lines)}</table>'
+        size, kind = ((11.6, 1.35), "drawn wide") if drawing is objects.sizes else ((5.6, 3.3), "drawn")
+        source = inline(_png(draw(drawing, found, summary, size)), "png")
+        drawn.append(card(title, f'<img alt="{title}" src="{source}">', kind=kind))
+    return cards(drawn)
 
 
 def _condition_rows(summary: Summary) -> tuple[list[str], list[list[str]]]:
@@ -226,11 +188,3 @@ def _png(figure: Figure) -> bytes:
     target = io.BytesIO()
     figure.savefig(target, format="png")
     return target.getvalue()
-
-
-def _jpeg(image: np.ndarray) -> bytes:
-    return cv2.imencode(".jpg", image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 85])[1].tobytes()
-
-
-def _inline(data: bytes, kind: str) -> str:
-    return f"data:image/{kind};base64,{base64.b64encode(data).decode()}"

@@ -6,9 +6,9 @@ from matplotlib.patches import Circle, Rectangle
 
 from fusion_net.common.drawing import label
 from fusion_net.common.nuscenes_format import CLASSES
-from fusion_net.reports.dataset_page_style import COLOR_OF, GROUPS, stacked
-from fusion_net.reports.dataset_summary import RANGES, SPEEDS, VISIBILITY, Summary
-from fusion_net.reports.dataset_survey import Survey
+from fusion_net.reports.dataset.drawing import COLOR_OF, GROUPS, stacked
+from fusion_net.reports.dataset.summary import RANGES, SPEEDS, VISIBILITY, Summary
+from fusion_net.reports.dataset.survey import Survey
 
 
 def classes(axes: Axes, found: Survey, summary: Summary) -> None:

@@ -7,8 +7,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from fusion_net.reports.dataset_summary import Summary
-from fusion_net.reports.dataset_survey import Survey
+from fusion_net.reports.dataset.summary import Summary
+from fusion_net.reports.dataset.survey import Survey
 
 GROUPS = {
     "cars": ("#2f6690", ("car",)),

@@ -24,6 +24,8 @@ from fusion_net.models.precision import autocast
 from fusion_net.nuscenes.tables import manifest
 from fusion_net.reports import decoys
 from fusion_net.reports.audits.run import Auditor, chosen_audits
+from fusion_net.reports.evaluation.figures import Scored
+from fusion_net.reports.evaluation.page import REPORT, write_report
 from fusion_net.reports.plots import plot_drop_table
 from fusion_net.reports.run_result import RESULT, run_result, write_result
 from fusion_net.reports.tables import as_text, document, write_drop_table
@@ -124,7 +126,8 @@ def evaluate_run(cfg: DictConfig) -> None:
         doc["decoys"] = audit
     write_drop_table(target, doc)
     scored = {"checkpoint": trained.source.name, "data": dataset.fingerprint, "scenes": len(set(truth.scenes))}
-    write_result(target / Path(RESULT).name, run_result(trained.record, doc, table.resampled, scored=scored))
+    result = run_result(trained.record, doc, table.resampled, scored=scored)
+    write_result(target / Path(RESULT).name, result)
     decoys.write(target, audit)
     (target / "env.json").write_text(json.dumps(surroundings, indent=1) + "\n", encoding="utf-8")
     write_results(target / RESULTS, table.tables[0], tokens=truth.tokens, classes=dataset.classes)
@@ -140,13 +143,27 @@ def evaluate_run(cfg: DictConfig) -> None:
                 target, model, dataset, truth, table, gate=cfg.audit_gate, resamples=cfg.bootstrap, sound=sound
             )
             print("\n" + "\n".join(done.line for done in auditor.write(audits)))
-    files = ["drop_table.{json,csv,md,png}", RESULTS, "pictures.png", *(["decoys.{csv,md}"] if audit else [])]
+    if cfg.report:
+        write_report(
+            target,
+            scored=Scored.of(truth, dataset.index, table),
+            dataset=dataset,
+            model=model,
+            doc=doc,
+            result=result,
+            metrics=trained.folder / "metrics.csv",
+            resamples=cfg.bootstrap,
+        )
+    files = ["report.{html,json}"] if cfg.report else []
+    files += ["drop_table.{json,csv,md,png}", RESULTS, "pictures.png", *(["decoys.{csv,md}"] if audit else [])]
     files += ["audits.md", "audits/"] if audits else []
     print(f"\nwrote {target}/: {', '.join(files)}", file=sys.stderr)
     if cfg.ship:
         manifests = [manifest(nusc.root) for nusc in dataset.datasets]
         path = ship(Path(cfg.ship), trained, table=doc, manifests=manifests)
         print(f"wrote {path}: {path.stat().st_size / 1e6:.1f} MB", file=sys.stderr)
+    if cfg.report:
+        print(f"report: {target / REPORT}", flush=True)
 
 
 def evaluate_finished(folder: Path) -> None:

@@ -78,8 +78,8 @@ def card(
 
 
 def table(head: Sequence[Cell], rows: Iterable[Sequence[Cell]], kind: str = "") -> Html:
-    """A table that scrolls sideways where it does not fit."""
-    lines = ["".join(f'<th scope="col">{escaped(cell)}</th>' for cell in head)]
+    """A table that scrolls sideways where it does not fit. A head of empty texts is left out."""
+    lines = ["".join(f'<th scope="col">{escaped(cell)}</th>' for cell in head)] if any(head) else []
     lines += ["".join(_cell(cell) for cell in row) for row in rows]
     body = "".join(f"<tr>{line}</tr>" for line in lines)
     return Html(f'<div class="scroll"><table class="{kind}">{body}</table></div>')

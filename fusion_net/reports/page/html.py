@@ -2,6 +2,7 @@
 
 import base64
 import html
+import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
@@ -41,7 +42,7 @@ def page(title: str, body: Iterable[str]) -> str:
 
 def section(title: str, text: str, *parts: str, anchor: str = "") -> Html:
     """A heading, a line of explanation and what it is about. ``anchor``: what links to it name."""
-    name = anchor or title.lower().replace(" ", "-")
+    name = anchor or re.sub(r"\W+", "-", title.lower())
     return Html(f'<h2 id="{escaped(name)}">{escaped(title)}</h2><p>{escaped(text)}</p>{"".join(parts)}')
 
 

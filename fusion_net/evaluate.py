@@ -1,6 +1,7 @@
 """Scores a run: its own settings and weights, every subset of sensors, tables and pictures beside it."""
 
 import json
+import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -22,6 +23,9 @@ from fusion_net.models.fusion_net import FusionNet
 from fusion_net.models.precision import autocast
 from fusion_net.nuscenes.tables import manifest
 from fusion_net.reports import decoys
+from fusion_net.reports.audits.run import Auditor, chosen_audits
+from fusion_net.reports.evaluation.figures import Scored
+from fusion_net.reports.evaluation.page import REPORT, write_report
 from fusion_net.reports.plots import plot_drop_table
 from fusion_net.reports.run_result import RESULT, run_result, write_result
 from fusion_net.reports.tables import as_text, document, write_drop_table
@@ -73,6 +77,9 @@ def evaluate_run(cfg: DictConfig) -> None:
     for name in ("batch_size", "bootstrap"):
         if cfg[name] < 1:
             raise ValueError(f"{name}={cfg[name]} must be at least 1")
+    audits = chosen_audits(cfg.audits)
+    if not 0 < cfg.audit_gate < math.inf:
+        raise ValueError(f"audit_gate={cfg.audit_gate} must be a finite number of metres above 0; try audit_gate=2")
     if cfg.ship and not cfg.ship.endswith(".pt"):
         raise ValueError(f"ship={cfg.ship} is no file of weights; end it with .pt")
     trained = _trained(cfg)
@@ -119,7 +126,8 @@ def evaluate_run(cfg: DictConfig) -> None:
         doc["decoys"] = audit
     write_drop_table(target, doc)
     scored = {"checkpoint": trained.source.name, "data": dataset.fingerprint, "scenes": len(set(truth.scenes))}
-    write_result(target / Path(RESULT).name, run_result(trained.record, doc, table.resampled, scored=scored))
+    result = run_result(trained.record, doc, table.resampled, scored=scored)
+    write_result(target / Path(RESULT).name, result)
     decoys.write(target, audit)
     (target / "env.json").write_text(json.dumps(surroundings, indent=1) + "\n", encoding="utf-8")
     write_results(target / RESULTS, table.tables[0], tokens=truth.tokens, classes=dataset.classes)
@@ -128,12 +136,34 @@ def evaluate_run(cfg: DictConfig) -> None:
     print(as_text(doc))
     if audit:
         print(f"\n{decoys.as_text(audit)}")
-    files = ["drop_table.{json,csv,md,png}", RESULTS, "pictures.png", *(["decoys.{csv,md}"] if audit else [])]
+    if audits:
+        sound = target.parent if dataset.reader.faults else None
+        with autocast(trained.cfg.trainer.precision):
+            auditor = Auditor(
+                target, model, dataset, truth, table, gate=cfg.audit_gate, resamples=cfg.bootstrap, sound=sound
+            )
+            print("\n" + "\n".join(done.line for done in auditor.write(audits)))
+    if cfg.report:
+        write_report(
+            target,
+            scored=Scored.of(truth, dataset.index, table),
+            dataset=dataset,
+            model=model,
+            doc=doc,
+            result=result,
+            metrics=trained.folder / "metrics.csv",
+            resamples=cfg.bootstrap,
+        )
+    files = ["report.{html,json}"] if cfg.report else []
+    files += ["drop_table.{json,csv,md,png}", RESULTS, "pictures.png", *(["decoys.{csv,md}"] if audit else [])]
+    files += ["audits.md", "audits/"] if audits else []
     print(f"\nwrote {target}/: {', '.join(files)}", file=sys.stderr)
     if cfg.ship:
         manifests = [manifest(nusc.root) for nusc in dataset.datasets]
         path = ship(Path(cfg.ship), trained, table=doc, manifests=manifests)
         print(f"wrote {path}: {path.stat().st_size / 1e6:.1f} MB", file=sys.stderr)
+    if cfg.report:
+        print(f"report: {target / REPORT}", flush=True)
 
 
 def evaluate_finished(folder: Path) -> None:

@@ -8,7 +8,7 @@ the LiDAR were mounted so far off about the vertical. Settings are in ``configs/
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
@@ -122,14 +122,15 @@ def _caption(image: Image, text: str) -> None:
     cv2.putText(image, text, (8, 18), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (255, 255, 255), 1, cv2.LINE_AA)
 
 
-def read_views(nusc: NuScenes, token: str) -> list[TimedView]:
-    """A sample's cameras, each in its own size."""
+def read_views(nusc: NuScenes, token: str, reader: SampleReader | None = None) -> list[TimedView]:
+    """A sample's cameras, each in its own size, with the faults of ``reader``."""
+    reader = replace(reader or SampleReader(), modalities=["camera"], image_size=None, label_stride=None)
     reference, views = nusc.reference(token), []
     for channel in nusc.channels("camera"):
         record = nusc.keyframes[token].get(channel)
         exact = None if record is None else _exact_depth(nusc, record)
         time = (record["timestamp"] - reference["timestamp"]) * 1e-6 if record else 0.0
-        view = SampleReader(cameras=[channel], modalities=["camera"], label_stride=None).read(nusc, token)
+        view = replace(reader, cameras=[channel]).read(nusc, token)
         views.append(TimedView(channel, view.images[0], view.cam_K[0], view.ego_T_cam[0], time, exact))
     return views
 

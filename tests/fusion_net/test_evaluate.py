@@ -9,6 +9,7 @@ from hydra import compose, initialize_config_dir
 
 from fusion_net.common.cli.command import CONFIGS, build
 from fusion_net.evaluate import evaluate_run
+from fusion_net.reports.audits.run import AUDITS
 from fusion_net.run_dir import open_run
 from tests.fixtures.training_setup import settings, write_data
 
@@ -101,4 +102,22 @@ def test_the_runs_own_data_by_name_is_refused_when_it_was_made_anew(run, data):
     env.write_text(json.dumps(json.loads(env.read_text()) | {"data": ["f" * 64]}))
     with pytest.raises(ValueError, match="the data is no longer that which runs/mini was trained on"):
         evaluate(f"data.root={data}")
+    assert not (run / "eval").exists()
+
+
+def test_the_audits_are_written_and_a_detector_of_one_sensor_is_not_judged(run, capsys):
+    evaluate("audits=all")
+    folder = run / "eval/audits"
+    docs = {path.stem: json.loads(path.read_text()) for path in folder.glob("*.json")}
+    assert set(docs) == set(AUDITS)
+    assert {doc["ok"] for doc in docs.values()} == {None}
+    assert capsys.readouterr().out.count("not judged: ") == len(AUDITS)
+    assert (run / "eval/audits.md").read_text().count("\n## ") == len(AUDITS)
+
+
+def test_an_unknown_audit_and_a_gate_of_nothing_are_refused_before_anything_is_read(run):
+    with pytest.raises(ValueError, match="unknown audits 'dept'; did you mean 'depth'"):
+        evaluate("audits=[dept]")
+    with pytest.raises(ValueError, match="audit_gate=0 must be a finite number of metres above 0"):
+        evaluate("audit_gate=0")
     assert not (run / "eval").exists()

@@ -15,7 +15,7 @@ from fusion_net.common.cli.command_line import as_override
 from fusion_net.common.cli.flags import UserError
 from fusion_net.common.cli.hints import accepts
 
-LISTS = ("data.root",)
+LISTS = ("data.root", "audits")
 """Keys that take one name or a list of them."""
 
 

@@ -29,6 +29,7 @@ COMMANDS = {
     "contact_sheet": "python -m data_gen.pictures.contact_sheet",
     "rig_preview": "python -m data_gen.pictures.rig_preview",
     "ablation": "python -m fusion_net.reports.ablation",
+    "claims": "python -m fusion_net.reports.claims",
     "statistics": "python -m fusion_net.reports.statistics",
     "lidar_check": "python -m fusion_net.viz.lidar_check",
     "painting": "python -m fusion_net.viz.painting",

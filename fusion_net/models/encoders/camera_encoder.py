@@ -64,7 +64,7 @@ class CameraEncoder(nn.Module):
 
     def lift(self, predictions: ImagePredictions, batch: Batch) -> Tensor:
         """Predictions to a map (B, channels, Y, X), by the calibration of the batch."""
-        probability, depth = self._depth(predictions, batch)
+        probability, depth = self.depth(predictions, batch)
         columns = predictions.features.permute(0, 1, 3, 4, 2)
         calibration = (batch.cam_K.float(), batch.ego_T_cam.float())
         # Detached: what a class score means comes from the dense losses alone, not from the detection losses.
@@ -80,8 +80,9 @@ class CameraEncoder(nn.Module):
             bev = bev + self.from_points(at_points)
         return self.refine(F.relu(self.norm(bev.to(predictions.features.dtype)), inplace=True))
 
-    def _depth(self, predictions: ImagePredictions, batch: Batch) -> tuple[Tensor, Tensor]:
-        """Depth probabilities (B, N, h, w, D) and one depth per feature cell (B, N, h, w), metres, 0 where unknown."""
+    def depth(self, predictions: ImagePredictions, batch: Batch) -> tuple[Tensor, Tensor]:
+        """What lifts the features: depth probabilities (B, N, h, w, D) and one depth per cell (B, N, h, w), m, 0 where
+        unknown."""
         bins = self.view_transform.bins
         learned = predictions.depth_logits.permute(0, 1, 3, 4, 2).softmax(dim=-1)
         regressed = predictions.log_depth.detach().clamp(max=6.0).exp()

@@ -10,18 +10,17 @@ from dataclasses import dataclass
 from fusion_net.reports.page.html import Html, escaped
 
 WIDTH = 350
-CHARACTER = 6.1
-"""Units that a letter is wide, about."""
+CHARACTER = 6.6
+"""Units that a letter is wide, about, and rather too much."""
 
 
 @dataclass(frozen=True)
 class Bar:
-    """A bar from zero, with the interval ``low`` to ``high`` where one is known."""
+    """A bar from zero, with an interval [low, high] where one is known."""
 
     value: float | None
     color: str
-    low: float | None = None
-    high: float | None = None
+    interval: Sequence[float] | None = None
     text: str = ""  # what is written at its end, the value if empty
 
 
@@ -38,7 +37,9 @@ class Line:
 def bars(rows: Sequence[tuple[str, Sequence[Bar]]], *, about: str, digits: int = 2, top: float | None = None) -> Html:
     """Rows of one bar or several below each other, lying, from zero. ``about``: the chart in a sentence; ``top``: the end of
     the axis, that of the largest interval if None."""
-    values = [end for _, group in rows for bar in group for end in (bar.value, bar.low, bar.high) if end is not None]
+    values = [
+        end for _, group in rows for bar in group for end in (bar.value, *(bar.interval or ())) if end is not None
+    ]
     low, high = min([0.0, *values]), max([1e-9, *values] if top is None else [top])
     texts = [_text(bar, digits) for _, group in rows for bar in group]
     left = 8 + CHARACTER * max((len(label) for label, _ in rows), default=0)
@@ -133,9 +134,9 @@ def _bar(bar: Bar, *, zero: float, scale: float, y: float, thick: float, digits:
         return f'<text class="soft" x="{zero + 4:.1f}" y="{middle + 4:.1f}">{escaped(text)}</text>'
     x, width = zero + min(bar.value, 0) * scale, abs(bar.value) * scale
     parts = [f'<rect x="{x:.1f}" y="{y + 0.5:.1f}" width="{width:.1f}" height="{thick - 1}" style="fill:{bar.color}"/>']
-    end = zero + max(bar.value, bar.high or 0, 0) * scale
-    if bar.low is not None and bar.high is not None:
-        a, b = zero + bar.low * scale, zero + bar.high * scale
+    end = zero + max(bar.value, 0) * scale
+    if bar.interval:
+        a, b = (zero + each * scale for each in bar.interval)
         parts.append(f'<path class="whisker" d="M{a:.1f} {middle - 3}v6m0-3H{b:.1f}m0-3v6"/>')
         end = max(end, b)
     parts.append(f'<text x="{end + 5:.1f}" y="{middle + 4:.1f}">{escaped(text)}</text>')

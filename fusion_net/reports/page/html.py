@@ -2,6 +2,7 @@
 
 import base64
 import html
+import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
@@ -41,7 +42,7 @@ def page(title: str, body: Iterable[str]) -> str:
 
 def section(title: str, text: str, *parts: str, anchor: str = "") -> Html:
     """A heading, a line of explanation and what it is about. ``anchor``: what links to it name."""
-    name = anchor or title.lower().replace(" ", "-")
+    name = anchor or re.sub(r"\W+", "-", title.lower())
     return Html(f'<h2 id="{escaped(name)}">{escaped(title)}</h2><p>{escaped(text)}</p>{"".join(parts)}')
 
 
@@ -78,8 +79,8 @@ def card(
 
 
 def table(head: Sequence[Cell], rows: Iterable[Sequence[Cell]], kind: str = "") -> Html:
-    """A table that scrolls sideways where it does not fit."""
-    lines = ["".join(f'<th scope="col">{escaped(cell)}</th>' for cell in head)]
+    """A table that scrolls sideways where it does not fit. A head of empty texts is left out."""
+    lines = ["".join(f'<th scope="col">{escaped(cell)}</th>' for cell in head)] if any(head) else []
     lines += ["".join(_cell(cell) for cell in row) for row in rows]
     body = "".join(f"<tr>{line}</tr>" for line in lines)
     return Html(f'<div class="scroll"><table class="{kind}">{body}</table></div>')

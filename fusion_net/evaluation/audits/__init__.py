@@ -1,0 +1,1 @@
+"""The lesson's five checks of a fused detector: each takes data and gives figures and a verdict."""

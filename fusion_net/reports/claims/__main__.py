@@ -1,0 +1,32 @@
+"""Writes the page of the lesson's claims: ``python -m fusion_net.reports.claims``.
+
+Settings are in ``configs/claims.yaml``.
+"""
+
+from pathlib import Path
+
+from omegaconf import DictConfig
+
+from fusion_net.common.cli.command import command
+from fusion_net.reports.claims.page import page
+
+
+def write_claims(results: Path, out: Path) -> str:
+    """Writes the page that follows from the result files below ``results``. ValueError when there is no such folder."""
+    if not results.is_dir():
+        raise ValueError(f"results={results} is no folder; results are committed in docs/results")
+    text = page(results)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    out.write_text(text, encoding="utf-8")
+    return text
+
+
+@command(config_name="claims")
+def main(cfg: DictConfig) -> None:
+    """Writes the page that ``cfg`` names."""
+    text = write_claims(Path(cfg.results), Path(cfg.out))
+    print(f"{cfg.out}: {next(line for line in text.splitlines() if ' claims: ' in line)}")
+
+
+if __name__ == "__main__":
+    main()

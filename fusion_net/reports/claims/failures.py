@@ -1,0 +1,72 @@
+"""The lesson's catalogue of five failures: each provoked, and whether its audit catches it."""
+
+from dataclasses import dataclass
+
+from fusion_net.reports.claims.claim import OPEN, Claim, verdict
+from fusion_net.reports.claims.results import DEMO, Results
+
+FAULTS = "faults"
+"""Folder of the audits of provoked failures, one folder each."""
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A failure, the override that provokes it, and the audit that is to catch it."""
+
+    text: str
+    audit: str
+    folder: str
+    command: str
+
+
+FAILURES = (
+    Failure(
+        "Failure 1, ghosts: the calibration overlay catches a sensor that is turned",
+        "calibration",
+        "camera_rotation_2",
+        "python eval.py run=runs/demo audits=calibration fault=camera_rotation fault.severity=2",
+    ),
+    Failure(
+        "Failure 2, wrong range: the audit of depth against LiDAR catches a camera that knows no depth",
+        "depth",
+        "no_depth_supervision",
+        "python train.py name=no_depth depth_supervision=none, then eval.py run=runs/no_depth audits=depth",
+    ),
+    Failure(
+        "Failure 3, imbalance: the per-modality ablation catches a network that collapses without one sensor",
+        "ablation",
+        "no_dropout",
+        "python train.py name=no_dropout modality_dropout=0, then eval.py run=runs/no_dropout audits=ablation",
+    ),
+    Failure(
+        "Failure 4, domain shift: the evaluation per condition catches what the average hides",
+        "conditions",
+        DEMO,
+        "python eval.py run=runs/demo audits=conditions",
+    ),
+    Failure(
+        "Failure 5, mis-association: the association audit catches a gate that merges different objects",
+        "association",
+        "gate_12",
+        "python eval.py run=runs/demo audits=association audit_gate=12",
+    ),
+)
+
+
+def claims(results: Results) -> list[Claim]:
+    """All five; the audit of the sound run must stay silent where the failure is one that it does not have."""
+    return [_claim(results, failure) for failure in FAILURES]
+
+
+def _claim(results: Results, failure: Failure) -> Claim:
+    folder = failure.folder if failure.folder == DEMO else f"{FAULTS}/{failure.folder}"
+    audit, sound = results.audit(failure.audit, of=folder), results.audit(failure.audit)
+    if audit is None:
+        path = results.shown(folder, "audits", f"{failure.audit}.json")
+        return Claim(failure.text, failure.command, f"`{path}` is not there", OPEN)
+    if audit["ok"] is None:
+        return Claim(failure.text, failure.command, audit["verdict"], OPEN)
+    if failure.folder == DEMO or sound is None:
+        return Claim(failure.text, failure.command, audit["verdict"], verdict(not audit["ok"]))
+    silent = f"the sound run: {'ok' if sound['ok'] else 'wrong'}, {sound['verdict']}"
+    return Claim(failure.text, failure.command, audit["verdict"], verdict(not audit["ok"], bool(sound["ok"])), silent)

@@ -31,6 +31,7 @@ COMMANDS = {
     "ablation": "python -m fusion_net.reports.ablation",
     "statistics": "python -m fusion_net.reports.statistics",
     "lidar_check": "python -m fusion_net.viz.lidar_check",
+    "lab": "python -m fusion_lab",
 }
 """The command of each file in ``configs/``."""
 

@@ -1,0 +1,66 @@
+"""The server of the page: on this machine only, unless asked; one thread for network and generator."""
+
+import errno
+import socket
+from pathlib import Path
+
+from nicegui import app, ui
+from nicegui.client import Client
+from starlette.requests import Request
+from starlette.responses import Response
+
+from fusion_lab.engine.answers import Lab
+from fusion_lab.engine.state import LabState, from_query
+from fusion_lab.engine.worker import NewestWins
+from fusion_lab.page.gallery import ROUTE, Gallery
+from fusion_lab.page.page import Page
+from fusion_lab.views.screen import Screen, draw
+
+STYLE = Path(__file__).with_name("style.css")
+
+
+def check_port(host: str, port: int) -> None:
+    """ValueError when nothing can listen there."""
+    try:
+        family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
+        with socket.socket(family, socket.SOCK_STREAM) as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind((host, port))
+    except OSError as error:
+        if error.errno == errno.EADDRINUSE:
+            raise ValueError(f"port={port} of {host} is in use by another program; write port={port + 1}") from None
+        raise ValueError(
+            f"nothing can listen on host={host} port={port} ({error.strerror}); write host=127.0.0.1"
+        ) from None
+
+
+def serve(lab: Lab, *, host: str, port: int, show: bool) -> None:
+    """Serves pages until it is interrupted. ``show``: a browser is opened, if there is one."""
+    gallery = Gallery()
+    worker: NewestWins[LabState, Screen] = NewestWins(lambda state: draw(lab, state))
+    offer = lab.offer
+
+    @ui.page("/", title="Failure lab")
+    def page(client: Client, request: Request) -> None:
+        ui.add_css(STYLE.read_text(encoding="utf-8"))
+        state, notes = from_query(dict(request.query_params), offer)
+        opened = Page(client, gallery, offer, state, submit=lambda p: worker.submit(p.client.id, p.state, p.deliver))
+        opened.say(" ".join(notes))
+        client.on_delete(lambda: (worker.forget(client.id), gallery.drop(client.id)))
+
+    @app.get(f"{ROUTE}/{{page}}/{{name}}")
+    def picture(page: str, name: str) -> Response:
+        return gallery.get(page, name)
+
+    app.on_shutdown(worker.close)
+    print(f"the failure lab is at http://{host}:{port}   (Ctrl-C ends it)", flush=True)
+    ui.run(
+        host=host, port=port, show=show, reload=False, title="Failure lab", dark=False, language="en-US",
+        show_welcome_message=False, favicon=FAVICON, tailwind=False,
+    )  # fmt: skip
+
+
+FAVICON = (
+    '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 16 16"><rect width="16" height="16" rx="3" fill="#155a8a"/>'
+    "</svg>"
+)

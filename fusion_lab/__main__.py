@@ -29,5 +29,5 @@ def main(cfg: DictConfig) -> None:
     serve(lab, host=cfg.host, port=cfg.port, show=cfg.show)
 
 
-if __name__ in {"__main__", "__mp_main__"}:
+if __name__ == "__main__":
     main()

@@ -1,7 +1,10 @@
 """The server of the page: on this machine only, unless asked; one thread for network and generator."""
 
 import errno
+import os
 import socket
+import sys
+from contextlib import suppress
 from pathlib import Path
 
 from nicegui import app, ui
@@ -34,6 +37,11 @@ def check_port(host: str, port: int) -> None:
         ) from None
 
 
+def has_screen() -> bool:
+    """Whether a browser that was opened could be seen: not on a server that somebody has logged in to."""
+    return sys.platform != "linux" or any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))
+
+
 def serve(lab: Lab, *, host: str, port: int, show: bool) -> None:
     """Serves pages until it is interrupted. ``show``: a browser is opened, if there is one."""
     gallery = Gallery()
@@ -54,10 +62,11 @@ def serve(lab: Lab, *, host: str, port: int, show: bool) -> None:
 
     app.on_shutdown(worker.close)
     print(f"the failure lab is at http://{host}:{port}   (Ctrl-C ends it)", flush=True)
-    ui.run(
-        host=host, port=port, show=show, reload=False, title="Failure lab", dark=False, language="en-US",
-        show_welcome_message=False, favicon=FAVICON, tailwind=False,
-    )  # fmt: skip
+    with suppress(KeyboardInterrupt):
+        ui.run(
+            host=host, port=port, show=show and has_screen(), reload=False, title="Failure lab", dark=False,
+            language="en-US", show_welcome_message=False, favicon=FAVICON, tailwind=False,
+        )  # fmt: skip
 
 
 FAVICON = (

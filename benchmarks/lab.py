@@ -68,7 +68,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         rig = next(iter(trained.values())).cfg.data.name
         began = time.perf_counter()
-        studio = open_studio(Path(folder), rig=rig, scenes=4, keyframes=8, seed=11)
+        studio = open_studio(Path(folder), rig=rig, scenes=4, keyframes=8, seed=4)
         lab = Lab(studio, trained)
         lab.warm_up()
         start = time.perf_counter() - began

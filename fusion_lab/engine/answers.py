@@ -1,12 +1,11 @@
 """From a state to an answer: the keyframe as the broken sensors give it, what the network finds in it, its score."""
 
-import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
 from fusion_lab.engine.detectors import Detector, Seen
-from fusion_lab.engine.scoring import Score, score
+from fusion_lab.engine.scoring import Score, mean_over_classes, score
 from fusion_lab.engine.state import LabState, Offer, first_state
 from fusion_lab.engine.studio import Studio
 from fusion_net.common.bev_grid import BEVGrid
@@ -32,8 +31,6 @@ class Answer:
     grid: BEVGrid
     classes: list[str]
     bins: DepthBins | None  # of the camera's depth
-    title: str
-    ms: float  # from the state to here
 
     @property
     def shown(self) -> Boxes:
@@ -58,7 +55,7 @@ class Lab:
         self._detectors = {name: Detector(each) for name, each in trained.items()}
         self._samples = {name: each.samples(studio) for name, each in self._detectors.items()}
         self._beams = min(studio.beams.values(), default=32)
-        self._found = lru_cache(maxsize=64)(self._find)
+        self._found = lru_cache(maxsize=48)(self._find)
         self._truth = lru_cache(maxsize=256)(self._ground_truth)
 
     @property
@@ -67,35 +64,56 @@ class Lab:
         fewer = [keep for keep in (16, 8, 4) if keep < self._beams]
         frames = min(map(len, self.studio.scenes))
         severities = {"clear": 1} | {k: v for k, v in sorted(self.studio.severities.items()) if k != "clear"}
-        return Offer(tuple(self._detectors), len(self.studio.scenes), frames, severities, (self._beams, *fewer))
+        layouts = tuple(self.studio.scene(tokens[0])["layout"] for tokens in self.studio.scenes)
+        return Offer(tuple(self._detectors), layouts, frames, severities, (self._beams, *fewer))
 
     def warm_up(self) -> None:
-        """Loads and compiles all that the first answer would wait for: each detector, and a scene in other weather."""
+        """Loads, builds and compiles what an answer would wait for: each detector, each scene, each condition."""
+        first = first_state(self.offer)
         for level in self._detectors:
-            self.answer(replace(first_state(self.offer), level=level))
-        worst = next((name for name in self.offer.conditions if name != "clear"), "clear")
-        self.answer(replace(first_state(self.offer), condition=worst, severity=1))
+            self.answer(replace(first, level=level))
+        for condition, severities in self.offer.conditions.items():
+            self.answer(replace(first, condition=condition, severity=severities))
+        for scene in range(len(self.offer.layouts)):
+            self.answer(replace(first, scene=scene, lidar="rained out"))
 
     def no_depth(self, state: LabState) -> dict[str, str]:
         """The choices of ``depth`` that a state cannot have, each with the reason."""
         if not self._detectors[state.level].cameras:
             reason = f"{state.level} fusion paints points and lifts no pixel, so no depth is needed"
             return dict.fromkeys(("uniform", "lidar", "oracle"), reason)
-        if self._read(state.undisturbed).dense_depth is None:
+        if self._seen(state.undisturbed).sample.dense_depth is None:
             return {"oracle": "this data set has no exact depth"}
         return {}
 
     def answer(self, state: LabState) -> Answer:
         """The answer to a state."""
-        began = time.perf_counter()
-        now, before = (self._found(each.seen_as(self._beams)) for each in (state, state.undisturbed))
-        dataset, token = self._samples[state.level], self._token(state)
-        truth, labels = self._truth(state.level, token), now.sample.boxes
+        now, before = self._seen(state), self._seen(state.undisturbed)
+        dataset, labels = self._samples[state.level], now.sample.boxes
+        truth = self._truth(state.level, state.scene, state.frame)
         scores = [score(truth, labels, each.found, state.threshold) for each in (now, before)]
         return Answer(
             state, now.sample, now.found, now.seen, *scores, dataset.grid, dataset.classes,
-            self._detectors[state.level].bins, self.studio.scene(token)["layout"], 1e3 * (time.perf_counter() - began),
+            self._detectors[state.level].bins,
         )  # fmt: skip
+
+    def look(self, state: LabState, frame: int) -> None:
+        """Lets the detector see another keyframe of the state's scene, so that :meth:`scene_score` knows it."""
+        for each in (state, state.undisturbed):
+            self._seen(replace(each, frame=frame))
+
+    def scene_score(self, state: LabState) -> tuple[float, float]:
+        """mAP over all keyframes of the scene and the classes that it has labels of, and the same with nothing wrong."""
+        truth = self._truth(state.level, state.scene, None)
+        frames = range(self.offer.frames)
+        now, before = (
+            mean_over_classes(truth, [self._seen(replace(each, frame=frame)).found for frame in frames])
+            for each in (state, state.undisturbed)
+        )
+        return now, before
+
+    def _seen(self, state: LabState) -> Found:
+        return self._found(state.seen_as(self._beams))
 
     def _find(self, state: LabState) -> Found:
         sample = self._read(state)
@@ -104,14 +122,15 @@ class Lab:
 
     def _read(self, state: LabState) -> Sample:
         dataset = self._samples[state.level]
+        token = self.studio.scenes[state.scene][state.frame]
         reader = replace(dataset.reader, faults=state.faults(self._beams))
         nusc = self.studio.under({name: state.weather(name) for name in MODALITIES})
-        sample = reader.read(nusc, self._token(state))
+        sample = reader.read(nusc, token)
         return replace(sample, boxes=sample.boxes[dataset.grid.contains(sample.boxes.center)])
 
-    def _token(self, state: LabState) -> str:
-        return self.studio.scenes[state.scene][state.frame]
-
-    def _ground_truth(self, level: str, token: str) -> GroundTruth:
+    def _ground_truth(self, level: str, scene: int, frame: int | None) -> GroundTruth:
+        """Of one keyframe, or of all keyframes of a scene that every scene has."""
         dataset: NuScenesDataset = self._samples[level]
-        return GroundTruth([(self.studio, token)], classes=dataset.classes, grid=dataset.grid)
+        tokens = self.studio.scenes[scene][: self.offer.frames]
+        chosen = tokens if frame is None else [tokens[frame]]
+        return GroundTruth([(self.studio, token) for token in chosen], classes=dataset.classes, grid=dataset.grid)

@@ -1,5 +1,6 @@
 """How well one keyframe is detected: the metric, and what a person would count."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,15 +30,12 @@ class Score:
 
 def score(truth: GroundTruth, labels: Boxes, found: Boxes, threshold: float) -> Score:
     """The score of a keyframe. ``truth`` holds it alone; ``labels`` and ``found`` are in its ego frame."""
-    metrics = truth.metric.summarise(truth.matches(truth.table([found])))
-    has_labels = metrics.num_gt > 0
-    mean = float(metrics.class_ap[has_labels].mean()) if has_labels.any() else float("nan")
     shown = found[found.score >= threshold]
     label, box = pairs(labels, shown)
     apart = np.linalg.norm(labels.center[label, :2] - shown.center[box, :2], axis=1)
     speed = np.linalg.norm(labels.velocity[label] - shown.velocity[box], axis=1)
     return Score(
-        mAP=mean,
+        mAP=mean_over_classes(truth, [found]),
         objects=len(labels),
         found=len(label),
         right_class=int((labels.label[label] == shown.label[box]).sum()),
@@ -45,6 +43,13 @@ def score(truth: GroundTruth, labels: Boxes, found: Boxes, threshold: float) -> 
         place=_mean(apart),
         velocity=_mean(speed),
     )
+
+
+def mean_over_classes(truth: GroundTruth, found: Sequence[Boxes]) -> float:
+    """mAP of predictions, one entry a keyframe of ``truth``, over the classes that have labels there; NaN if none has."""
+    metrics = truth.metric.summarise(truth.matches(truth.table(found)))
+    has_labels = metrics.num_gt > 0
+    return float(metrics.class_ap[has_labels].mean()) if has_labels.any() else float("nan")
 
 
 def pairs(labels: Boxes, found: Boxes) -> tuple[np.ndarray, np.ndarray]:

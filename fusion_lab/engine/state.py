@@ -69,18 +69,18 @@ LOW_SUN, DOWNPOUR = Weather("glare", 3), Weather("rain", 3)
 
 @dataclass(frozen=True)
 class Offer:
-    """What there is to choose from: detectors by name, scenes, keyframes of a scene, conditions with how many severities they
-    have, and beams that the LiDAR may keep, all of them first."""
+    """What there is to choose from: detectors by name, scenes by their layouts, keyframes of a scene, conditions with how many
+    severities they have, and beams that the LiDAR may keep, all of them first."""
 
     levels: tuple[str, ...]
-    scenes: int
+    layouts: tuple[str, ...]
     frames: int
     conditions: Mapping[str, int] = field(default_factory=lambda: {"clear": 1})
     beams: tuple[int, ...] = (32, 16, 8, 4)
 
     def choices(self, name: str) -> tuple[Any, ...] | None:
         """What a field may be, where it is one of a few."""
-        whole = {"scene": range(self.scenes), "frame": range(self.frames), "beams": self.beams}
+        whole = {"scene": range(len(self.layouts)), "frame": range(self.frames), "beams": self.beams}
         own = {"level": self.levels, "condition": tuple(self.conditions)} | whole
         return tuple(own[name]) if name in own else CHOICES.get(name)
 
@@ -100,7 +100,7 @@ class LabState:
 
     level: str = ""
     scene: int = 0
-    frame: int = 2
+    frame: int = 4
     condition: str = "clear"
     severity: int = 1
     camera: str = "alive"
@@ -179,7 +179,7 @@ class LabState:
 def first_state(offer: Offer) -> LabState:
     """What a page shows that is opened without a link: mid-level fusion, where there is such a detector."""
     level = "mid" if "mid" in offer.levels else offer.levels[0]
-    return LabState(level=level, frame=min(2, offer.frames - 1), beams=offer.beams[0])
+    return LabState(level=level, frame=min(4, offer.frames - 1), beams=offer.beams[0])
 
 
 def from_query(query: Mapping[str, str], offer: Offer) -> tuple[LabState, list[str]]:

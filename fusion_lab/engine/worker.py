@@ -2,28 +2,24 @@
 
 import threading
 from collections.abc import Callable
-from typing import Generic, TypeVar
-
-Wish = TypeVar("Wish")
-Answer = TypeVar("Answer")
+from typing import Any
 
 
-class NewestWins(Generic[Wish, Answer]):
-    """Calls ``work(wish)`` in one thread, and then, still in it, what the wish was handed in with.
+class NewestWins:
+    """Does what senders wish for in one thread, and then, still in it, delivers the answer.
 
-    Of each sender only the newest wish waits; senders that wait are served in turn, so that nobody starves. An exception of
-    ``work`` is delivered in place of the answer.
+    Of each sender only the newest wish waits; senders that wait are served in turn, so that nobody starves. An exception is
+    delivered in place of the answer.
     """
 
-    def __init__(self, work: Callable[[Wish], Answer]) -> None:
-        self._work = work
-        self._waiting: dict[str, tuple[Wish, Callable[[Answer | Exception], None]]] = {}
+    def __init__(self) -> None:
+        self._waiting: dict[str, tuple[Callable[[], Any], Callable[[Any], None]]] = {}
         self._change = threading.Condition()
         self._closed = False
         self._thread = threading.Thread(target=self._run, name="fusion lab", daemon=True)
         self._thread.start()
 
-    def submit(self, sender: str, wish: Wish, deliver: Callable[[Answer | Exception], None]) -> None:
+    def submit(self, sender: str, wish: Callable[[], Any], deliver: Callable[[Any], None]) -> None:
         """Hands in a wish; one of the same sender that still waits is dropped, and its place is kept."""
         with self._change:
             self._waiting[sender] = wish, deliver
@@ -51,7 +47,7 @@ class NewestWins(Generic[Wish, Answer]):
                 sender = next(iter(self._waiting))
                 wish, deliver = self._waiting.pop(sender)
             try:
-                answer: Answer | Exception = self._work(wish)
+                answer = wish()
             except Exception as error:  # whatever it was, the page says it and the thread goes on
                 answer = error
             deliver(answer)

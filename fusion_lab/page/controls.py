@@ -81,7 +81,7 @@ class Controls:
 
     def _word(self, name: str, choice: Any) -> str:
         if name == "scene":
-            return f"scene {choice + 1}"
+            return f"{choice + 1}: {label(self._offer.layouts[choice])}"
         if name == "view":
             return VIEWS[choice].title if choice in VIEWS else "none"
         if name in ("turned", "late", "layer"):

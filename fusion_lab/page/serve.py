@@ -13,11 +13,10 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from fusion_lab.engine.answers import Lab
-from fusion_lab.engine.state import LabState, from_query
+from fusion_lab.engine.state import from_query
 from fusion_lab.engine.worker import NewestWins
 from fusion_lab.page.gallery import ROUTE, Gallery
 from fusion_lab.page.page import Page
-from fusion_lab.views.screen import Screen, draw
 
 STYLE = Path(__file__).with_name("style.css")
 
@@ -45,16 +44,16 @@ def has_screen() -> bool:
 def serve(lab: Lab, *, host: str, port: int, show: bool) -> None:
     """Serves pages until it is interrupted. ``show``: a browser is opened, if there is one."""
     gallery = Gallery()
-    worker: NewestWins[LabState, Screen] = NewestWins(lambda state: draw(lab, state))
-    offer = lab.offer
+    worker = NewestWins()
 
     @ui.page("/", title="Failure lab")
     def page(client: Client, request: Request) -> None:
         ui.add_css(STYLE.read_text(encoding="utf-8"))
-        state, notes = from_query(dict(request.query_params), offer)
-        opened = Page(client, gallery, offer, state, submit=lambda p: worker.submit(p.client.id, p.state, p.deliver))
+        ui.colors(primary="#155a8a")
+        state, notes = from_query(dict(request.query_params), lab.offer)
+        opened = Page(client, gallery, lab, worker, state)
         opened.say(" ".join(notes))
-        client.on_delete(lambda: (worker.forget(client.id), gallery.drop(client.id)))
+        client.on_delete(opened.close)
 
     @app.get(f"{ROUTE}/{{page}}/{{name}}")
     def picture(page: str, name: str) -> Response:

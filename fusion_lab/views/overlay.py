@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fusion_lab.engine.answers import Answer
-from fusion_lab.views.pictures import SCALE, panel_of
+from fusion_lab.views.pictures import RADAR_SECONDS, SCALE, panel_of
 from fusion_net.common.boxes import Boxes, box_corners
 from fusion_net.common.drawing import box_edges, label
 
@@ -31,7 +31,7 @@ def on_camera(answer: Answer) -> str:
 
 
 def on_ground(answer: Answer) -> str:
-    """Outlines with a line to the front, and one second of the velocity."""
+    """Outlines with a line to the front, and of the velocity as many seconds as of the radar's."""
     panel, parts = panel_of(answer.grid), []
     for kind, boxes in (("label", answer.sample.boxes), ("found", answer.shown)):
         corners = box_corners(boxes.center, boxes.wlh, boxes.yaw)[:, [1, 3, 7, 5], :2]
@@ -40,7 +40,9 @@ def on_ground(answer: Answer) -> str:
             shapes = _polygon(panel.pixels(corners[row])) + _line(center, front)
             velocity = np.nan_to_num(boxes.velocity[row])
             if np.linalg.norm(velocity) > 0.5:
-                shapes += _line(center, panel.pixels([boxes.center[row, :2] + velocity])[0], ' stroke-width="1"')
+                shapes += _line(
+                    center, panel.pixels([boxes.center[row, :2] + RADAR_SECONDS * velocity])[0], ' stroke-width="1"'
+                )
             parts.append(_group(kind, boxes, row, answer.classes, shapes))
     return "".join(parts)
 

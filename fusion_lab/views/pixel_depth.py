@@ -40,9 +40,10 @@ def content(answer: Answer) -> Content:
         f" {np.log2(len(probability)):.1f} bits; exact depth {f'{truth:.1f} m' if truth else 'unknown (sky or no surface)'}"
     )
     panel = (
-        f"<p>Click on the image to choose a pixel. It says: {said}.</p>{_bars(probability, answer.bins, truth)}"
-        f"<p>Its feature is spread over {cells} cells of the grid, each with its probability; they sum to 1.</p>"
-        + _ground(answer, probability, where, truth, centers)
+        f"<p>Click on the image to choose a pixel. It says: {said}. Its feature is spread over {cells} cells of the grid"
+        " along its ray, to each with its probability.</p>"
+        f'<div class="beside">{_bars(probability, answer.bins, truth)}'
+        f"{_ground(answer, probability, where, truth, centers)}</div>"
     )
     picture = camera_picture(answer)[:, : SCALE * sample.images.shape[2]]
     return Content(panel, picture, overlay.format(*box), f"Camera image; the chosen pixel: {said}")
@@ -106,5 +107,5 @@ def _ground(answer: Answer, probability, where, truth: float, centers: torch.Ten
             mark = ' stroke="#63e06a" stroke-width="2"' if k == nearest else ""
             parts.append(f'<rect x="{x:.1f}" y="{y:.1f}" width="{scale:.1f}" height="{scale:.1f}" fill="#ff9a2e"'
                          f' fill-opacity="{max(value / top, 0.06):.2f}"{mark}/>')  # fmt: skip
-    parts.append(text(6, 16, "cells that it lands in; green: the exact one", 'class="onmap"'))
+    parts.append(text(6, 16, "its cells; green: the exact one", 'class="onmap"'))
     return svg(width, MAP, "".join(parts), "The grid from above with the cells along the pixel's ray")

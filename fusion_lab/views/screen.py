@@ -1,5 +1,6 @@
 """All that a page shows of a state, made away from the event loop: files of pictures, SVG over them, parts of the page."""
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from html import escape
@@ -12,6 +13,7 @@ from fusion_lab.views import merge_point, paint, pixel_depth, scale, shared_grid
 from fusion_lab.views.content import Content
 from fusion_lab.views.overlay import on_camera, on_ground
 from fusion_lab.views.pictures import camera_picture, ground_picture, jpeg
+from fusion_net.common.drawing import Image
 
 
 @dataclass(frozen=True)
@@ -34,9 +36,10 @@ VIEWS = {
 
 @dataclass(frozen=True)
 class Picture:
-    """A file of a picture, what lies over it, what it is in words."""
+    """A file of a picture, its width and height in pixels, what lies over it, what it is in words."""
 
     file: bytes
+    size: tuple[int, int]
     overlay: str
     alt: str
 
@@ -50,7 +53,6 @@ class Screen:
     ground: Picture
     view: Picture | None
     panel: str
-    title: str
     score: str
     ms: float
     forbidden: dict[str, str] = field(default_factory=dict)
@@ -58,36 +60,43 @@ class Screen:
 
 def draw(lab: Lab, state: LabState) -> Screen:
     """The screen of a state."""
+    began = time.perf_counter()
     answer = lab.answer(state)
     boxes = f"{len(answer.sample.boxes)} labelled objects and {len(answer.shown)} detections"
     view = VIEWS[state.view].content(answer) if state.view in VIEWS else Content("")
+    forbidden = lab.no_depth(state)
     return Screen(
         state=state,
-        camera=Picture(jpeg(camera_picture(answer)), on_camera(answer), f"Camera images with {boxes}"),
-        ground=Picture(jpeg(ground_picture(answer)), on_ground(answer), f"The ground from above with {boxes}"),
-        view=None if view.picture is None else Picture(jpeg(view.picture), view.overlay, view.alt),
+        camera=picture(camera_picture(answer), on_camera(answer), f"Camera images with {boxes}"),
+        ground=picture(ground_picture(answer), on_ground(answer), f"The ground from above with {boxes}"),
+        view=None if view.picture is None else picture(view.picture, view.overlay, view.alt),
         panel=view.panel,
-        title=answer.title,
         score=score_card(answer.score, answer.plain),
-        ms=answer.ms,
-        forbidden=lab.no_depth(state),
+        ms=1e3 * (time.perf_counter() - began),
+        forbidden=forbidden,
     )
+
+
+def picture(image: Image, overlay: str, alt: str) -> Picture:
+    """An RGB image as the page takes it."""
+    return Picture(jpeg(image), (image.shape[1], image.shape[0]), overlay, alt)
 
 
 def score_card(now: Score, plain: Score) -> str:
-    """The score and its change against nothing being wrong, as HTML."""
-    figures = (
-        _figure("mAP of this keyframe", now.mAP, plain.mAP, "{:.2f}", good=1),
-        _figure(f"found of {now.objects} objects", now.found, plain.found, "{:.0f}", good=1),
-        _figure("of the right class", now.right_class, plain.right_class, "{:.0f}", good=1),
-        _figure("false detections", now.false, plain.false, "{:.0f}", good=-1),
-        _figure("place off by, m", now.place, plain.place, "{:.2f}", good=-1),
-        _figure("velocity off by, m/s", now.velocity, plain.velocity, "{:.1f}", good=-1),
+    """The score of the keyframe and its change against nothing being wrong, as HTML."""
+    return "".join(
+        (
+            figure("mAP of the keyframe", now.mAP, plain.mAP, "{:.2f}", good=1),
+            figure(f"of {now.objects} objects found", now.found, plain.found, "{:.0f}", good=1),
+            figure("of these of the right class", now.right_class, plain.right_class, "{:.0f}", good=1),
+            figure("false detections", now.false, plain.false, "{:.0f}", good=-1),
+            figure("place off by, m", now.place, plain.place, "{:.2f}", good=-1),
+            figure("velocity off by, m/s", now.velocity, plain.velocity, "{:.1f}", good=-1),
+        )
     )
-    return f'<div class="score">{"".join(figures)}</div>'
 
 
-def _figure(name: str, now: float, plain: float, form: str, *, good: int) -> str:
+def figure(name: str, now: float, plain: float, form: str, *, good: int) -> str:
     """A figure and its change; ``good`` 1: more is better."""
     value, change = form.format(now) if isfinite(now) else "none", ""
     if isfinite(now) and isfinite(plain) and form.format(abs(now - plain)) != form.format(0):

@@ -22,7 +22,7 @@ from fusion_lab.engine.state import (
 from fusion_net.common.faults import FaultPlan
 from fusion_net.common.geometry import from_yaw
 
-OFFER = Offer(("early", "mid", "late"), 3, 5, {"clear": 1, "fog": 3, "night": 2})
+OFFER = Offer(("early", "mid", "late"), ("exit", "merge", "exit"), 5, {"clear": 1, "fog": 3, "night": 2})
 CHANNELS = {"CAM_FRONT": "camera", "LIDAR_TOP": "lidar", "RADAR_FRONT": "radar"}
 
 

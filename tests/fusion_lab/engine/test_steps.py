@@ -7,7 +7,7 @@ from fusion_lab.engine.state import LabState, Offer, first_state, from_query
 from fusion_lab.engine.steps import STEPS, state_of
 
 CONDITIONS = {"clear": 1, "dusk_glare_spray": 3}
-ALL, MID = (Offer(levels, 4, 8, CONDITIONS) for levels in (("early", "mid", "late"), ("mid",)))
+ALL, MID = (Offer(levels, ("exit",) * 4, 8, CONDITIONS) for levels in (("early", "mid", "late"), ("mid",)))
 
 
 def test_there_are_six_and_each_is_a_link():

@@ -14,7 +14,7 @@ class Bench:
 
     def __init__(self):
         self.started, self.go, self.done = threading.Semaphore(0), threading.Semaphore(0), []
-        self.worker = NewestWins(self.work)
+        self.worker = NewestWins()
         self.delivered = threading.Semaphore(0)
 
     def work(self, wish):
@@ -25,7 +25,11 @@ class Bench:
         return wish
 
     def submit(self, sender, wish):
-        self.worker.submit(sender, wish, lambda answer: (self.done.append((sender, answer)), self.delivered.release()))
+        def deliver(answer):
+            self.done.append((sender, answer))
+            self.delivered.release()
+
+        self.worker.submit(sender, lambda: self.work(wish), deliver)
 
     def finish(self, count):
         for _ in range(count):

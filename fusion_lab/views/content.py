@@ -30,10 +30,9 @@ def table(rows: Sequence[Sequence[object]], head: Sequence[str] = (), caption: s
 
 def svg(width: float, height: float, inside: str, title: str) -> str:
     """An SVG picture that grows with the page; ``title`` is what a screen reader says."""
-    return (
-        f'<svg viewBox="0 0 {width:g} {height:g}" style="max-width:{1.2 * width:.0f}px" role="img" aria-label="{escape(title, quote=True)}"'
-        f' xmlns="http://www.w3.org/2000/svg">{inside}</svg>'
-    )
+    size = f'viewBox="0 0 {width:g} {height:g}" style="max-width:{1.2 * width:.0f}px"'
+    name = escape(title, quote=True)
+    return f'<svg {size} role="img" aria-label="{name}" xmlns="http://www.w3.org/2000/svg">{inside}</svg>'
 
 
 def text(x: float, y: float, words: str, more: str = "") -> str:

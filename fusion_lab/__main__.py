@@ -18,7 +18,8 @@ def main(cfg: DictConfig) -> None:
     from fusion_lab.engine.answers import Lab
     from fusion_lab.engine.detectors import offered
     from fusion_lab.engine.studio import open_studio
-    from fusion_lab.page.serve import check_port, serve
+    from fusion_lab.page.address import check_port
+    from fusion_lab.page.serve import serve
 
     check_port(cfg.host, cfg.port)
     trained = offered(cfg.run, cfg.checkpoint)

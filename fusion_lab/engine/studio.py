@@ -124,9 +124,10 @@ class Studio(NuScenes):
         return self._episodes[place]
 
     def _condition(self, weather: Weather, episode: Episode) -> Condition:
-        preset = self.conditions.presets[weather.name][weather.severity - 1]
-        heading = float(episode.scene.ego.at(0.0)[1])
-        return preset.sample(weather.name, weather.severity, heading, stream(episode.seed, "condition"))
+        """What the generator samples for this scene with ``condition=NAME condition.severity=N``."""
+        levels = {weather.name: self.conditions.presets[weather.name]}
+        mix = ConditionMix(presets=levels, weights={weather.name: 1.0}, severity=weather.severity)
+        return mix.sample(stream(episode.seed, "condition"), heading=float(episode.scene.ego.at(0.0)[1]))
 
 
 def open_studio(folder: Path, *, rig: str, scenes: int, keyframes: int, seed: int) -> Studio:

@@ -33,6 +33,7 @@ COMMANDS = {
     "statistics": "python -m fusion_net.reports.statistics",
     "lidar_check": "python -m fusion_net.viz.lidar_check",
     "painting": "python -m fusion_net.viz.painting",
+    "lab": "python -m fusion_lab",
 }
 """The command of each file in ``configs/``."""
 

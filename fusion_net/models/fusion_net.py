@@ -114,6 +114,10 @@ class FusionNet(nn.Module):
         assert network is not None
         return self.losses.total(self.losses.image_terms(network(batch), batch))
 
+    def output_layers(self) -> list[nn.Module]:
+        """The last layers, whose rows mean different things."""
+        return [self.head.heatmap[-1], self.head.box[-1]]
+
     def decode(self, outputs: Outputs) -> list[Boxes]:
         """Boxes of each sample in the ego frame, best first."""
         return self.head.decode(outputs.maps)

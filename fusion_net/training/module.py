@@ -101,5 +101,6 @@ class DetectorModule(pl.LightningModule):
 
     def configure_optimizers(self) -> torch.optim.Optimizer:
         """Muon and AdamW under one rate, which the plan sets at each step."""
-        outputs = (self.model.head.heatmap[-1], self.model.head.box[-1])
-        return make_optimizer(self.model, outputs=outputs, lr=self.max_lr, weight_decay=self.weight_decay)
+        return make_optimizer(
+            self.model, outputs=self.model.output_layers(), lr=self.max_lr, weight_decay=self.weight_decay
+        )

@@ -66,7 +66,7 @@ def match_to_labels(boxes: Boxes, labels: Boxes, *, distance: float) -> NDArray[
     return taken
 
 
-def same_label(taken_a: NDArray[np.int64], taken_b: NDArray[np.int64]) -> Pairs:
+def same_truth(truth_a: NDArray[np.int64], truth_b: NDArray[np.int64]) -> Pairs:
     """Pairs of boxes that took the same label (:func:`match_to_labels`): the association that cannot err."""
-    same = (taken_a[:, None] == taken_b[None]) & (taken_a[:, None] >= 0)
+    same = (truth_a[:, None] == truth_b[None]) & (truth_a[:, None] >= 0)
     return np.argwhere(same).astype(np.int64)

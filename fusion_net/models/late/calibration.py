@@ -32,9 +32,10 @@ def fit_scales(error: ArrayLike, variance: ArrayLike, label: ArrayLike, *, num_c
     """
     error, variance, label = np.asarray(error, float), np.asarray(variance, float), np.asarray(label)
     known = np.isfinite(error).all(axis=1)
-    squared, label = error[known] ** 2 / variance[known], label[known]
+    squared: Array = np.square(error[known]) / variance[known]
+    label = label[known]
     matches = np.bincount(label, minlength=num_classes)
-    everything = squared.mean(axis=0) if len(squared) else np.ones(2)
+    everything = squared.mean(axis=0) if known.any() else np.ones(2)
     factor = np.tile(everything, (num_classes, 1))
     for k in np.flatnonzero(matches >= LEAST_MATCHES):
         factor[k] = squared[label == k].mean(axis=0)
@@ -48,11 +49,11 @@ def consistency(error: ArrayLike, cov: ArrayLike) -> dict[str, float | int | Non
     error, cov = np.asarray(error, float), np.asarray(cov, float)
     known = np.isfinite(error).all(axis=1)
     error, cov = error[known], cov[known]
-    if not len(error):
+    if not known.any():
         return {"matches": 0, "NIS": None, "coverage95": None, "NLL": None}
     squared = mahalanobis_squared(error, cov)
     return {
-        "matches": len(error),
+        "matches": int(known.sum()),
         "NIS": float(squared.mean()),
         "coverage95": float((squared < gate_of(0.95)).mean()),
         "NLL": float(gaussian_nll(error, cov).mean()),

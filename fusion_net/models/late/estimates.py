@@ -17,6 +17,7 @@ class Estimates:
     cov: NDArray[np.float64]  # (N, 2, 2) of the centre's x and y, m^2
     velocity_cov: NDArray[np.float64]  # (N, 2, 2) of the velocity, (m/s)^2
     probability: NDArray[np.float64]  # (N, M) by MODALITIES, NaN where that detector has no part in the box
+    truth: NDArray[np.int64]  # (N,) row of the label that the box is of, for oracles and audits; -1: none, or not known
 
     def __len__(self) -> int:
         return len(self.boxes)
@@ -28,7 +29,9 @@ class Estimates:
     @staticmethod
     def empty() -> "Estimates":
         """No estimates."""
-        return Estimates(Boxes.empty(), np.zeros((0, 2, 2)), np.zeros((0, 2, 2)), np.zeros((0, len(MODALITIES))))
+        return Estimates(
+            Boxes.empty(), np.zeros((0, 2, 2)), np.zeros((0, 2, 2)), np.zeros((0, len(MODALITIES))), np.zeros(0, int)
+        )
 
     @staticmethod
     def join(parts: "list[Estimates]") -> "Estimates":

@@ -2,12 +2,13 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fusion_net.common.geometry import wrap_angle
-from fusion_net.models.late.association import Pairs
+from fusion_net.models.late.association import Pairs, associate, same_truth
 from fusion_net.models.late.estimates import Estimates
 from fusion_net.models.late.merging import MERGING, Merge
 from fusion_net.models.late.scores import Score, combine
@@ -15,6 +16,27 @@ from fusion_net.models.late.scores import Score, combine
 ORDER = ("lidar", "radar", "camera")
 """The sensors by how well they place an object: each list is associated with what the lists before it have become. With
 another order a box near the gate may find another partner, so it is always this one, whatever order the lists come in."""
+
+Association = Literal["mahalanobis", "oracle"]
+ASSOCIATIONS = get_args(Association)
+
+
+def partners(a: Estimates, b: Estimates, *, association: Association, gate: float, min_probability: float) -> Pairs:
+    """Pairs of two lists: ``mahalanobis`` by class, gate and assignment (:func:`associate`), ``oracle`` by the labels that
+    the boxes are of. Boxes that no detector thinks at least ``min_probability`` likely find no partner: of the dozens of faint
+    peaks that a detector lists, some lie within any gate."""
+    rows_a, rows_b = (np.flatnonzero(_best(x.probability) >= min_probability) for x in (a, b))
+    a, b = a[rows_a], b[rows_b]
+    if association == "oracle":
+        pairs = same_truth(a.truth, b.truth)
+    else:
+        places = (a.boxes.center[:, :2], a.cov, b.boxes.center[:, :2], b.cov)
+        pairs = associate(*places, label_a=a.boxes.label, label_b=b.boxes.label, gate=gate)
+    return np.stack([rows_a[pairs[:, 0]], rows_b[pairs[:, 1]]], axis=1)
+
+
+def _best(probability: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.nan_to_num(probability, nan=0.0).max(axis=1, initial=0.0)
 
 
 def fuse(
@@ -66,7 +88,7 @@ def merge_pairs(a: Estimates, b: Estimates, merge: Merge) -> Estimates:
         velocity=velocity,
     )
     probability = np.where(np.isnan(a.probability), b.probability, a.probability)
-    return Estimates(boxes, cov, velocity_cov, probability)
+    return Estimates(boxes, cov, velocity_cov, probability, np.where(a.truth < 0, b.truth, a.truth))
 
 
 def merged_heading(

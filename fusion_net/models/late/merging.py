@@ -78,14 +78,14 @@ def _checked(mean_a: ArrayLike, cov_a: ArrayLike, mean_b: ArrayLike, cov_b: Arra
     return a, A, b, B
 
 
-def _combined(A_inv: Array, a: Array, B_inv: Array, b: Array) -> tuple[Array, Array]:
+def _combined(A_inv: NDArray, a: NDArray, B_inv: NDArray, b: NDArray) -> tuple[Array, Array]:
     """The mean of a and b weighted by these matrices, and the inverse of their sum, made symmetric to the last bit."""
     P = np.linalg.inv(A_inv + B_inv)
     mean = P @ (A_inv @ a[..., None] + B_inv @ b[..., None])
     return mean[..., 0], (P + P.swapaxes(-1, -2)) / 2
 
 
-def _most_informative(information_of: Callable[[Array], Array], shape: tuple[int, ...]) -> Array:
+def _most_informative(information_of: Callable[[Array], NDArray], shape: tuple[int, ...]) -> Array:
     """The w (..., 1, 1) in [0, 1] of the largest log det of ``information_of(w)`` (..., d, d), which has one peak in w."""
 
     def value(w: Array) -> Array:

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fusion_net.common.boxes import Boxes
-from fusion_net.models.late.association import associate, match_to_labels, same_label
+from fusion_net.models.late.association import associate, match_to_labels, same_truth
 from fusion_net.models.late.covariance import ray_covariance
 
 
@@ -92,6 +92,6 @@ def test_labels_are_taken_as_the_metric_takes_them():
     assert not len(match_to_labels(boxes(np.zeros((0, 2))), labels, distance=4.0))
 
 
-def test_the_oracle_pairs_what_took_the_same_label():
-    assert same_label(np.array([2, -1, 0]), np.array([-1, 0, 1, 2])).tolist() == [[0, 3], [2, 1]]
-    assert same_label(np.array([], int), np.array([1])).shape == (0, 2)
+def test_the_oracle_pairs_what_took_the_same_truth():
+    assert same_truth(np.array([2, -1, 0]), np.array([-1, 0, 1, 2])).tolist() == [[0, 3], [2, 1]]
+    assert same_truth(np.array([], int), np.array([1])).shape == (0, 2)

@@ -34,7 +34,9 @@ def estimates(sensor, xy, *, yaw=0.0, velocity=(0.0, 0.0), var=(0.1, 0.1), veloc
     probability = np.full((n, len(MODALITIES)), np.nan)
     probability[:, MODALITIES.index(sensor)] = score
     boxes = Boxes(center, wlh, np.full(n, yaw), velocity, np.zeros(n, np.int64), np.full(n, score), np.zeros((n, 2)))
-    return Estimates(boxes, np.tile(np.diag(var), (n, 1, 1)), np.tile(np.diag(velocity_var), (n, 1, 1)), probability)
+    return Estimates(
+        boxes, np.tile(np.diag(var), (n, 1, 1)), np.tile(np.diag(velocity_var), (n, 1, 1)), probability, np.full(n, -1)
+    )
 
 
 def test_three_see_one_car():

@@ -53,9 +53,9 @@ def painted_labels(sample: Sample, points: ArrayLike, stride: int) -> NDArray[np
     return painted[:, 3:].argmax(dim=1).numpy()  # where two cameras disagree, the earlier class of the list
 
 
-def labels_of_boxes(points: ArrayLike, boxes: Boxes) -> NDArray[np.int64]:
+def labels_of_boxes(points: NDArray, boxes: Boxes) -> NDArray[np.int64]:
     """The class of the labelled box that each ego point (P, 3) lies in, -1 for none."""
-    label = np.full(len(np.asarray(points)), -1)
+    label = np.full(len(points), -1)
     for k in range(len(boxes)):
         label[points_in_box(points, boxes.center[k], boxes.wlh[k], float(boxes.yaw[k]))] = boxes.label[k]
     return label

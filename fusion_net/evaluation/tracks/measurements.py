@@ -49,6 +49,7 @@ class Measurements:
             cov=turned(variance[:, :, None] * np.eye(2), yaw_of(global_T_ego)),
             velocity_cov=np.tile(sigma**2 * np.eye(2), (len(boxes), 1, 1)),
             probability=probability,
+            truth=np.full(len(boxes), -1),
         )
 
 

@@ -137,7 +137,9 @@ def test_a_detector_of_another_grid_is_refused():
 
 def test_the_oracle_merges_what_took_one_label_and_needs_labels():
     model, batch = small_late(association="oracle", min_probability=0.0).eval(), small_batch(1)
-    with pytest.raises(ValueError, match=r"late\.association=oracle pairs boxes through labels, and this batch has none"):
+    with pytest.raises(
+        ValueError, match=r"late\.association=oracle pairs boxes through labels, and this batch has none"
+    ):
         decoded(model, batch)
     with torch.no_grad():
         lists = model.estimates(model(batch))[0]

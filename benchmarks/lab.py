@@ -12,6 +12,7 @@ import tempfile
 import time
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -35,8 +36,8 @@ def changed(state: LabState, offer: Offer, rng: random.Random) -> LabState:
     choices = offer.choices(name)
     if choices is None:
         low, high, _ = RANGES[name]
-        value: object = RANGES[name].nearest(rng.uniform(low, high))
-        value = int(value) if name == "severity" else value  # type: ignore[call-overload]
+        value: Any = RANGES[name].nearest(rng.uniform(low, high))
+        value = int(value) if name == "severity" else value
     else:
         value = rng.choice(choices)
     state = replace(state, **{name: value})

@@ -91,11 +91,17 @@ class Lab:
         now, before = self._seen(state), self._seen(state.undisturbed)
         dataset, labels = self._samples[state.level], now.sample.boxes
         truth = self._truth(state.level, state.scene, state.frame)
-        scores = [score(truth, labels, each.found, state.threshold) for each in (now, before)]
         return Answer(
-            state, now.sample, now.found, now.seen, *scores, dataset.grid, dataset.classes,
-            self._detectors[state.level].bins,
-        )  # fmt: skip
+            state=state,
+            sample=now.sample,
+            found=now.found,
+            seen=now.seen,
+            score=score(truth, labels, now.found, state.threshold),
+            plain=score(truth, labels, before.found, state.threshold),
+            grid=dataset.grid,
+            classes=dataset.classes,
+            bins=self._detectors[state.level].bins,
+        )
 
     def look(self, state: LabState, frame: int) -> None:
         """Lets the detector see another keyframe of the state's scene, so that :meth:`scene_score` knows it."""

@@ -13,13 +13,13 @@ class NewestWins:
     """
 
     def __init__(self) -> None:
-        self._waiting: dict[str, tuple[Callable[[], Any], Callable[[Any], None]]] = {}
+        self._waiting: dict[str, tuple[Callable[[], Any], Callable[[Any], object]]] = {}
         self._change = threading.Condition()
         self._closed = False
         self._thread = threading.Thread(target=self._run, name="fusion lab", daemon=True)
         self._thread.start()
 
-    def submit(self, sender: str, wish: Callable[[], Any], deliver: Callable[[Any], None]) -> None:
+    def submit(self, sender: str, wish: Callable[[], Any], deliver: Callable[[Any], object]) -> None:
         """Hands in a wish; one of the same sender that still waits is dropped, and its place is kept."""
         with self._change:
             self._waiting[sender] = wish, deliver

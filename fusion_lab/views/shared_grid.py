@@ -28,11 +28,11 @@ def content(answer: Answer) -> Content:
     )
     rows = [(name, *_said(answer, name, strength)) for name in MODALITIES]
     filled = [strength[name] > 0.25 for name in maps]
-    together = sum(each.astype(int) for each in filled) if filled else np.zeros(answer.grid.shape, int)
+    together = np.sum([np.zeros(answer.grid.shape, int), *filled], axis=0)
     two, three = (int((together >= count).sum()) for count in (2, 3))
     said = (
         f"<p>Each sensor has put what it measured into the same {answer.grid.shape[1]} x {answer.grid.shape[0]} cells of"
-        f" {answer.grid.cell:g} m. {two} cells are filled by two sensors or more, {three} by all three: there the colours add"
+        f" {answer.grid.cell:g} m. {two} cells are strong in two sensors or more, {three} in all three: there the colours add"
         " up to yellow, cyan or white, and fusing is work on the numbers of one cell.</p>"
     )
     return Content(

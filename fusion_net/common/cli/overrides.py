@@ -30,6 +30,7 @@ COMMANDS = {
     "rig_preview": "python -m data_gen.pictures.rig_preview",
     "ablation": "python -m fusion_net.reports.ablation",
     "claims": "python -m fusion_net.reports.claims",
+    "compare": "python -m fusion_net.reports.compare",
     "statistics": "python -m fusion_net.reports.statistics",
     "lidar_check": "python -m fusion_net.viz.lidar_check",
     "painting": "python -m fusion_net.viz.painting",

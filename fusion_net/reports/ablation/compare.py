@@ -13,12 +13,10 @@ from numpy.typing import NDArray
 
 from fusion_net.common.cli.overrides import CONFIGS
 from fusion_net.evaluation.bootstrap import interval
-from fusion_net.evaluation.drop_table import SUBSETS
 from fusion_net.reports.ablation.jobs import Job
 from fusion_net.reports.run_result import SCALE
-from fusion_net.reports.tables import name_of
+from fusion_net.reports.tables import NAMES, name_of
 
-NAMES = tuple(name_of(subset) for subset in SUBSETS)
 DRAWS = 4000
 WHOLE = ("NDS", "mATE", "mASE", "mAOE", "mAVE")
 """Figures of the row with every sensor that a network has."""

@@ -3,8 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from fusion_net.reports.ablation.compare import NAMES
-from fusion_net.reports.tables import UNITS, aligned, piped
+from fusion_net.reports.tables import NAMES, UNITS, aligned, piped
 
 NOTES = (
     "Cells: mean over seeds ± standard deviation; n: seeds with a result. mAP by sensors given at evaluation; NDS, errors and"

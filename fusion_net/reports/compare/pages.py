@@ -10,10 +10,10 @@ from fusion_net.metrics.matching import TP_ERRORS
 from fusion_net.reports.compare.runs import Evaluation, paired, settings_apart
 from fusion_net.reports.evaluation.mistakes import WORDS
 from fusion_net.reports.evaluation.run import CHARTS, read_curves, smooth
-from fusion_net.reports.evaluation.scores import AXES, NAMES
+from fusion_net.reports.evaluation.scores import AXES
 from fusion_net.reports.page.charts import Bar, Line, bars, key, lines
 from fusion_net.reports.page.html import SERIES, Cell, Html, between, card, cards, escaped, number, page, section, table
-from fusion_net.reports.tables import UNITS, piped
+from fusion_net.reports.tables import NAMES, UNITS, piped
 
 Runs = Sequence[Evaluation]
 Value = tuple[float | None, Sequence[float] | None]

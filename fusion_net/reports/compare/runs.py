@@ -40,7 +40,7 @@ class Evaluation:
 def read_evaluations(folders: Sequence[str]) -> list[Evaluation]:
     """At least two, all scored on the same samples; FileNotFoundError or ValueError where they are not."""
     if len(set(folders)) < 2:
-        raise ValueError(f"{len(set(folders))} run to compare; name two at least: runs/A runs/B")
+        raise ValueError("name two runs at least: python -m fusion_net.reports.compare runs/A runs/B")
     places = [_place(Path(folder)) for folder in folders]
     names = [place.parent.as_posix() if place.name == "eval" else place.as_posix() for place in places]
     common = len(commonpath([str(Path(name).parent) for name in names]))

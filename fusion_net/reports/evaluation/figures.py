@@ -18,10 +18,9 @@ from fusion_net.evaluation.operating_point import OperatingPoint, operating_poin
 from fusion_net.evaluation.scoring import GroundTruth
 from fusion_net.evaluation.strata import Grouping, by_condition, by_range, by_visibility, score_groups
 from fusion_net.nuscenes.nuscenes import NuScenes
-from fusion_net.reports.tables import name_of
+from fusion_net.reports.tables import NAMES
 
 Figures = dict[str, Any]
-NAMES = tuple(name_of(subset) for subset in SUBSETS)
 RESAMPLES = 50
 """Of the scenes behind the intervals of groups and of the error budget, which are many: a quarter of the drop table's."""
 SAMPLES_OF_A_CURVE = slice(0, 101, 4)

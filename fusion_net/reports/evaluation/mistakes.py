@@ -4,9 +4,10 @@ from collections.abc import Mapping
 from typing import Any
 
 from fusion_net.common.drawing import label
-from fusion_net.reports.evaluation.scores import COLOR_OF, NAMES
+from fusion_net.reports.evaluation.scores import COLOR_OF
 from fusion_net.reports.page.charts import Bar, bars
 from fusion_net.reports.page.html import Cell, Heat, Html, between, card, cards, number, section, table
+from fusion_net.reports.tables import NAMES
 
 SHORT = {"construction_vehicle": "constr.", "traffic_cone": "cone", "motorcycle": "motorc.", "pedestrian": "person"}
 WORDS = {

@@ -10,9 +10,10 @@ from fusion_net.common.modalities import STYLES
 from fusion_net.data.datamodule import NuScenesDataset
 from fusion_net.evaluation.drop_table import SUBSETS
 from fusion_net.evaluation.strata import condition_of
-from fusion_net.reports.evaluation.figures import NAMES, Scored
+from fusion_net.reports.evaluation.figures import Scored
 from fusion_net.reports.page.charts import key
 from fusion_net.reports.page.html import Cell, Html, escaped, image, section, table
+from fusion_net.reports.tables import NAMES
 from fusion_net.viz.picture_sheet import FOUND, LABEL, LIDAR, RADAR, draw_cameras, draw_ground, spread_evenly
 
 FEWEST = 3

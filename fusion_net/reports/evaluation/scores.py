@@ -10,9 +10,8 @@ from fusion_net.evaluation.drop_table import SUBSETS
 from fusion_net.metrics.matching import TP_ERRORS
 from fusion_net.reports.page.charts import Bar, Line, bars, key, lines
 from fusion_net.reports.page.html import OF_SENSORS, Cell, Heat, Html, between, card, cards, number, section, table
-from fusion_net.reports.tables import UNITS, name_of
+from fusion_net.reports.tables import NAMES, UNITS, name_of
 
-NAMES = tuple(name_of(subset) for subset in SUBSETS)
 FOUR = (NAMES[0], *NAMES[4:])
 """All sensors, and each alone: the rows that a chart of lines has room for."""
 COLOR_OF = {name_of(subset): OF_SENSORS[len(subset)] for subset in SUBSETS}

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from fusion_net.reports.page.html import Html, escaped
 
 WIDTH = 350
-CHARACTER = 6.6
+CHARACTER = 7.0
 """Units that a letter is wide, about, and rather too much."""
 
 

@@ -83,8 +83,9 @@ def test_an_evaluation_below_a_run_can_be_compared_with_it(here):
 @pytest.mark.parametrize(
     ("folders", "error", "message"),
     [
-        (["runs/mini"], ValueError, "1 run to compare; name two at least"),
-        (["runs/mini", "runs/mini"], ValueError, "1 run to compare"),
+        ([], ValueError, "name two runs at least"),
+        (["runs/mini"], ValueError, "name two runs at least: python -m"),
+        (["runs/mini", "runs/mini"], ValueError, "name two runs at least"),
         (
             ["runs/mini", "runs/none"],
             FileNotFoundError,

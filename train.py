@@ -10,9 +10,9 @@ def main(cfg: DictConfig) -> None:
     """Trains what ``cfg`` describes."""
     from fusion_net.evaluate import evaluate_finished
     from fusion_net.fit import fit
-    from fusion_net.late_run import with_detectors
     from fusion_net.reports.run_result import RESULT
-    from fusion_net.run_dir import is_finished, run_folder
+    from fusion_net.runs.late import with_detectors
+    from fusion_net.runs.run_dir import is_finished, run_folder
 
     folder = run_folder(cfg.name)
     if cfg.skip_finished:

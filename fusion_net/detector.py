@@ -22,7 +22,7 @@ from fusion_net.data.cameras import fit_image
 from fusion_net.data.depth_labels import lidar_depth
 from fusion_net.models.fusion_net import FusionNet
 from fusion_net.models.precision import autocast
-from fusion_net.trained import Trained, shipped, trained_run
+from fusion_net.runs.trained import Trained, shipped, trained_run
 
 Array = ArrayLike | Tensor
 

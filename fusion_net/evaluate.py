@@ -19,7 +19,6 @@ from fusion_net.evaluation.decoys import audit_decoys
 from fusion_net.evaluation.drop_table import SUBSETS, drop_table, predict
 from fusion_net.evaluation.result_folder import is_same_data, result_folder
 from fusion_net.evaluation.scoring import GroundTruth, ground_truth
-from fusion_net.late_run import adapted
 from fusion_net.metrics.results import write_results
 from fusion_net.models.fusion_net import FusionNet
 from fusion_net.models.late.late_fusion import LateFusion
@@ -33,8 +32,9 @@ from fusion_net.reports.evaluation.page import REPORT, write_report
 from fusion_net.reports.plots import plot_drop_table
 from fusion_net.reports.run_result import RESULT, run_result, write_result
 from fusion_net.reports.tables import as_text, document, write_drop_table
-from fusion_net.run_dir import cut_short, environment, refuse_other_data
-from fusion_net.trained import Trained, ship, shipped, trained_run
+from fusion_net.runs.late import adapted
+from fusion_net.runs.run_dir import cut_short, environment, refuse_other_data
+from fusion_net.runs.trained import Trained, ship, shipped, trained_run
 from fusion_net.viz.picture_sheet import picture_sheet
 
 RESULTS = "results_nusc.json"

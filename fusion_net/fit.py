@@ -23,11 +23,18 @@ from fusion_net.data.datamodule import NuScenesDataset, StepSampler, keep_memory
 from fusion_net.evaluate import evaluate_finished
 from fusion_net.evaluation.drop_table import SUBSETS
 from fusion_net.evaluation.scoring import ground_truth
-from fusion_net.late_run import calibrate_checkpoints, chosen_detectors, held_out, is_late, take_weights, with_detectors
 from fusion_net.models.fusion_net import FusionNet
 from fusion_net.models.precision import autocast, resolve
-from fusion_net.run_dir import NONFINITE, mark_finished, open_run, resume_step, run_folder
-from fusion_net.trained import initialise
+from fusion_net.runs.late import (
+    calibrate_checkpoints,
+    chosen_detectors,
+    held_out,
+    is_late,
+    take_weights,
+    with_detectors,
+)
+from fusion_net.runs.run_dir import NONFINITE, mark_finished, open_run, resume_step, run_folder
+from fusion_net.runs.trained import initialise
 from fusion_net.training.callbacks import LOG_EVERY, MetricsCSV, PlanCallback
 from fusion_net.training.interruption import Interruption, handlers_restored
 from fusion_net.training.module import DetectorModule

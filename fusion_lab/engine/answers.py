@@ -15,7 +15,7 @@ from fusion_net.data.datamodule import NuScenesDataset, collate
 from fusion_net.data.samples import Sample
 from fusion_net.evaluation.scoring import GroundTruth
 from fusion_net.models.blocks.depth_bins import DepthBins
-from fusion_net.trained import Trained
+from fusion_net.runs.trained import Trained
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from fusion_net.models.encoders.lidar_encoder import LidarEncoder
 from fusion_net.models.encoders.radar_encoder import RadarEncoder
 from fusion_net.models.precision import autocast
 from fusion_net.nuscenes.nuscenes import NuScenes
-from fusion_net.trained import SHIPPED, Trained, shipped, trained_run
+from fusion_net.runs.trained import SHIPPED, Trained, shipped, trained_run
 
 PARTS: dict[str, type[nn.Module]] = {
     "image": ImageNetwork, "camera": CameraEncoder, "lidar": LidarEncoder, "radar": RadarEncoder, "decoder": BEVDecoder,

@@ -9,7 +9,7 @@ from fusion_lab.engine.answers import Lab
 from fusion_lab.engine.studio import Studio
 from fusion_net.common.cli.command import build
 from fusion_net.common.cli.composed import composed
-from fusion_net.trained import Trained
+from fusion_net.runs.trained import Trained
 from tests.fixtures.small_lab import generated
 from tests.fixtures.training_setup import SMALL
 

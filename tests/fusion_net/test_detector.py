@@ -12,8 +12,8 @@ from fusion_net.data.datamodule import make_loader
 from fusion_net.detector import Calibration, Detections, Detector
 from fusion_net.evaluate import open_samples
 from fusion_net.evaluation.drop_table import predict
-from fusion_net.run_dir import open_run
-from fusion_net.trained import trained_run
+from fusion_net.runs.run_dir import open_run
+from fusion_net.runs.trained import trained_run
 from tests.fixtures.training_setup import settings, write_data
 
 ARRAYS = {"camera": "images", "lidar": "points", "radar": "radar"}

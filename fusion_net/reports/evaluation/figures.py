@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 
 from fusion_net.evaluation.audits.shapley import shapley
 from fusion_net.evaluation.bootstrap import interval, resample_scenes
-from fusion_net.evaluation.confusion import confusion
-from fusion_net.evaluation.curves import precision_at_recall
+from fusion_net.evaluation.breakdown.confusion import confusion
+from fusion_net.evaluation.breakdown.curves import precision_at_recall
+from fusion_net.evaluation.breakdown.error_budget import error_budget
+from fusion_net.evaluation.breakdown.operating_point import OperatingPoint, operating_point, pose_errors
 from fusion_net.evaluation.decoys import read_bodies
 from fusion_net.evaluation.drop_table import RESAMPLING_SEED, SUBSETS, DropTable
-from fusion_net.evaluation.error_budget import error_budget
-from fusion_net.evaluation.operating_point import OperatingPoint, operating_point, pose_errors
 from fusion_net.evaluation.scoring import GroundTruth
 from fusion_net.evaluation.strata import Grouping, by_condition, by_range, by_visibility, score_groups
 from fusion_net.nuscenes.nuscenes import NuScenes

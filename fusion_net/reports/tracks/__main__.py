@@ -31,8 +31,8 @@ from fusion_net.models.precision import autocast
 from fusion_net.reports.tables import name_of
 from fusion_net.reports.tracks.picture import busiest_scene, draw_tracks
 from fusion_net.reports.tracks.table import NOTES, as_row, as_text, write_tables
-from fusion_net.run_dir import environment
-from fusion_net.trained import Trained, trained_run
+from fusion_net.runs.run_dir import environment
+from fusion_net.runs.trained import Trained, trained_run
 
 FUSED_TRACKS = "fused tracks"
 """Name of the row whose tracks are those of each sensor, fused; other rows are named by the sensors whose boxes they track."""

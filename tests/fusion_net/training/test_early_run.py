@@ -12,7 +12,7 @@ from hydra import compose, initialize_config_dir
 from fusion_net.common.cli.command import CONFIGS
 from fusion_net.evaluate import evaluate_run
 from fusion_net.fit import fit
-from fusion_net.trained import shipped
+from fusion_net.runs.trained import shipped
 from fusion_net.training.module import DetectorModule
 from tests.fixtures.training_setup import settings, write_data
 

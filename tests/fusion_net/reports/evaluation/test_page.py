@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
-from fusion_net.evaluation.error_budget import BUDGET
+from fusion_net.evaluation.breakdown.error_budget import BUDGET
 from fusion_net.reports.evaluation.page import CONTENTS
 from tests.fixtures.evaluated_run import evaluate, make_run
 from tests.fixtures.html_page import read_page

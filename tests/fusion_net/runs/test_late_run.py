@@ -8,13 +8,13 @@ import pytest
 import torch
 from hydra import compose, initialize_config_dir
 
-from fusion_net import trained
 from fusion_net.common.cli.command import CONFIGS
 from fusion_net.evaluate import evaluate_run
 from fusion_net.fit import fit
-from fusion_net.late_run import held_out, with_detectors
-from fusion_net.run_dir import is_finished
-from fusion_net.trained import shipped, trained_run
+from fusion_net.runs import trained
+from fusion_net.runs.late import held_out, with_detectors
+from fusion_net.runs.run_dir import is_finished
+from fusion_net.runs.trained import shipped, trained_run
 from tests.fixtures.training_setup import settings, write_data
 
 FEW = ("trainer.camera_steps=2", "trainer.camera_only_steps=1", "trainer.fusion_steps=3")

@@ -8,12 +8,12 @@ import pytest
 import torch
 from hydra import compose, initialize_config_dir
 
-from fusion_net import trained
 from fusion_net.common.cli.command import CONFIGS
 from fusion_net.evaluate import evaluate_run
 from fusion_net.fit import fit
 from fusion_net.reports.run_result import read_result
-from fusion_net.trained import changed_settings, shipped
+from fusion_net.runs import trained
+from fusion_net.runs.trained import changed_settings, shipped
 from tests.fixtures.training_setup import settings, write_data
 
 FEW = ("trainer.camera_steps=2", "trainer.camera_only_steps=2", "trainer.fusion_steps=4")

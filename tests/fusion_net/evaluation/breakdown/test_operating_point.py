@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from fusion_net.common.boxes import Boxes
-from fusion_net.evaluation.curves import precision_at_recall
-from fusion_net.evaluation.operating_point import operating_point, pose_errors
+from fusion_net.evaluation.breakdown.curves import precision_at_recall
+from fusion_net.evaluation.breakdown.operating_point import operating_point, pose_errors
 from fusion_net.metrics.detection import RECALL, DetectionMetric
 from fusion_net.metrics.sample_boxes import SampleBoxes
 

@@ -14,7 +14,14 @@ from fusion_net.common.cli.composed import composed
 from fusion_net.common.cli.overrides import CONFIGS
 from fusion_net.models.fusion_net import FusionNet
 from fusion_net.models.weights_file import compact, fit_weights, read_weights, write_weights
-from fusion_net.run_dir import ABOUT_THE_FOLDER, load_config, load_weights, model_weights, read_checkpoint, surroundings
+from fusion_net.runs.run_dir import (
+    ABOUT_THE_FOLDER,
+    load_config,
+    load_weights,
+    model_weights,
+    read_checkpoint,
+    surroundings,
+)
 
 SHIPPED = CONFIGS.parent / "checkpoints"
 """Where ``checkpoint=nano`` and ``init=nano`` find ``nano.pt``."""

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fusion_net.evaluation.bootstrap import bootstrap_map, interval
+from fusion_net.evaluation.breakdown.mistakes import CLASS, HIT, KINDS, PLACE, Judged, falling, judge
 from fusion_net.evaluation.decoys import Bodies
-from fusion_net.evaluation.mistakes import CLASS, HIT, KINDS, PLACE, Judged, falling, judge
 from fusion_net.metrics.detection import DetectionMetric
 from fusion_net.metrics.matching import ClassMatches
 from fusion_net.metrics.sample_boxes import SampleBoxes

@@ -6,10 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fusion_net.common.boxes import Boxes
-from fusion_net.evaluation.confusion import confusion
+from fusion_net.evaluation.breakdown.confusion import confusion
+from fusion_net.evaluation.breakdown.error_budget import BUDGET, error_budget
+from fusion_net.evaluation.breakdown.mistakes import BACKGROUND, CLASS, DECOY, DUPLICATE, HIT, PLACE, judge
 from fusion_net.evaluation.decoys import Bodies
-from fusion_net.evaluation.error_budget import BUDGET, error_budget
-from fusion_net.evaluation.mistakes import BACKGROUND, CLASS, DECOY, DUPLICATE, HIT, PLACE, judge
 from fusion_net.metrics.detection import DetectionMetric
 from fusion_net.metrics.sample_boxes import SampleBoxes
 

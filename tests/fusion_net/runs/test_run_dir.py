@@ -5,7 +5,7 @@ import torch
 from omegaconf import OmegaConf
 
 from fusion_net.common.atomic import replacing
-from fusion_net.run_dir import (
+from fusion_net.runs.run_dir import (
     cut_short,
     is_finished,
     load_config,

@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from fusion_net.evaluation.breakdown.mistakes import CLASS, DECOY, HIT, falling, judge
+from fusion_net.evaluation.breakdown.operating_point import operating_point
 from fusion_net.evaluation.decoys import Bodies
-from fusion_net.evaluation.mistakes import CLASS, DECOY, HIT, falling, judge
-from fusion_net.evaluation.operating_point import operating_point
 from fusion_net.metrics.detection import DetectionMetric
 from fusion_net.metrics.sample_boxes import SampleBoxes
 

@@ -133,13 +133,14 @@ def changed_settings(cfg: DictConfig) -> dict[str, Any]:
 
 
 def _changed(own: Any, default: Any, written: Any, path: str = "") -> dict[str, Any]:
-    """Leaves of ``own`` unlike ``default``, but for those that ``written`` (the default as it stands in the files) derives
-    from others: ${...}."""
-    if own == default or (isinstance(written, str) and written.startswith("${")):
+    """Leaves of ``own`` unlike ``default``, but for how they are built (``_partial_``) and for those that ``written`` (the
+    default as it stands in the files) derives from others: ${...}."""
+    if own == default or (isinstance(written, str) and written.startswith("${")) or path.endswith("._partial_"):
         return {}
     if not (isinstance(own, dict) and isinstance(default, dict) and isinstance(written, dict)):
         return {path[1:]: own}
     found: dict[str, Any] = {}
-    for key in dict.fromkeys([*own, *default]):
+    is_same_kind = own.get("_target_") == default.get("_target_")  # else the default's other settings mean nothing here
+    for key in dict.fromkeys([*own, *(default if is_same_kind else ())]):
         found |= _changed(own.get(key), default.get(key), written.get(key), f"{path}.{key}")
     return found

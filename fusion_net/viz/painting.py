@@ -65,34 +65,29 @@ def draw_painting(
     sample: Sample, *, stride: int, lidar_place: NDArray, grid: BEVGrid, errors: Sequence[float]
 ) -> Image:
     """One sheet: each camera with what its cells show; then for each error in degrees of the LiDAR's heading the painted points
-    on every camera and from above."""
-    cameras = [_segmented(sample, n, stride) for n in range(len(sample.images))]
+    on every camera; below, side by side, from above."""
     legend = _legend(sorted({*sample.boxes.label.tolist(), BACKGROUND, UNSEEN}))
-    rows = [legend, *cameras]
+    rows = [legend, *(_segmented(sample, n, stride) for n in range(len(sample.images)))]
     truth = labels_of_boxes(sample.lidar_points[:, :3], sample.boxes)
+    grounds = []
     for error in errors:
         points = turned(sample.lidar_points[:, :3], lidar_place, error)
         label = painted_labels(sample, points, stride)
         inside = (truth >= 0) & (label != UNSEEN)
-        right = float((label == truth)[inside].mean()) if inside.any() else float("nan")
+        right = 100 * (label == truth)[inside].sum() / max(inside.sum(), 1)
         ghosts = int(((truth < 0) & (label < BACKGROUND)).sum())
         note = (
-            f"{error:g} degrees off: {100 * right:.0f} % of {inside.sum()} points in boxes have their class,"
-            f" {ghosts} others have one"
+            f"{error:g} degrees off: {right:.0f} % of the {inside.sum()} points in boxes have their class, {ghosts} other"
+            " points have one"
         )
-        for n in range(len(sample.images)):
-            image = _dimmed(sample, n)
-            pixels, depth = project(sample.cam_K[n], transform(invert(sample.ego_T_cam[n]), points))
-            shown = depth > 0
-            dots(image, pixels[shown] * (WIDTH / sample.images.shape[2]), COLORS[label[shown]], radius=2)
-            rows.append(_captioned(image, note))
-        panel = BEVPanel(grid, scale=WIDTH / (grid.y_max - grid.y_min))
+        rows += [_captioned(_dotted(sample, n, points, label), note) for n in range(len(sample.images))]
+        panel = BEVPanel(grid, scale=WIDTH / len(errors) / (grid.y_max - grid.y_min))
         ground = panel.canvas()
         order = np.argsort(-label)  # what has a class lies on top
         panel.points(ground, points[order, :2], COLORS[label[order]], radius=2)
         panel.boxes(ground, sample.boxes, BOX)
-        rows.append(_captioned(ground, f"the same from above, {error:g} degrees off, with labels"))
-    return np.concatenate(rows)
+        grounds.append(_captioned(ground, f"{error:g} degrees off, with labels"))
+    return np.concatenate([*rows, np.concatenate(grounds, axis=1)[:, :WIDTH]])
 
 
 def _segmented(sample: Sample, camera: int, stride: int) -> Image:
@@ -106,6 +101,16 @@ def _segmented(sample: Sample, camera: int, stride: int) -> Image:
     mount = {"cam_K": sample.cam_K[camera], "ego_T_cam": sample.ego_T_cam[camera]}
     boxes_on_image(image, sample.boxes, color=BOX, scale=scale, **mount)
     return _captioned(image, f"what cells of {stride} pixels show")
+
+
+def _dotted(sample: Sample, camera: int, points: NDArray, label: NDArray[np.int64]) -> Image:
+    """A camera's picture with ego points (P, 3) in the colours of what they are painted with."""
+    image = _dimmed(sample, camera)
+    pixels, depth = project(sample.cam_K[camera], transform(invert(sample.ego_T_cam[camera]), points))
+    order = np.argsort(-depth)
+    order = order[depth[order] > 0]
+    dots(image, pixels[order] * (WIDTH / sample.images.shape[2]), COLORS[label[order]], radius=2)
+    return image
 
 
 def _dimmed(sample: Sample, camera: int, share: float = 0.5) -> Image:

@@ -36,25 +36,24 @@ def paint_points(
     painted with what the image shows v (t_image - t_point) beside it.
     """
     sample = torch.zeros(len(points), dtype=torch.long, device=points.device) if sample is None else sample.long()
-    height, width, channels = scores.shape[2:]
-    pixels = _pixel_matrices(cam_K, cam_T_ego, stride)
-    x, y, z = points[:, :3].to(pixels).unbind(dim=1)
-    total = scores.new_zeros(len(points), channels)
-    views = scores.new_zeros(len(points), 1)
-    for n in range(scores.shape[1]):
-        u, v, depth = (
-            a * x + b * y + c * z + d for a, b, c, d in (row.unbind(1) for row in pixels[:, n][sample].unbind(1))
-        )
+    cameras, height, width, channels = scores.shape[1:]
+    # Beside the scores a column that counts the cameras, and below them a row of zeros for points that a camera does not see.
+    table = F.pad(F.pad(scores, (0, 1), value=1.0).flatten(0, 3), (0, 0, 0, 1))
+    matrices = _pixel_matrices(cam_K, cam_T_ego, stride).flatten(2)
+    x, y, z = points[:, :3].to(matrices).unbind(dim=1)
+    total = table.new_zeros(len(points), channels + 1)
+    for n in range(cameras):
+        of_point = matrices[:, n].index_select(0, sample).view(-1, 3, 4)
+        u, v, depth = (a * x + b * y + c * z + d for a, b, c, d in (each.unbind(1) for each in of_point.unbind(1)))
         column, row = (u / depth).floor(), (v / depth).floor()
         seen = (depth > 0) & (column >= 0) & (column < width) & (row >= 0) & (row < height)
         if alive is not None:
             seen = seen & alive[:, n].index_select(0, sample)
-        index = seen.nonzero()[:, 0]
-        row, column = (place.index_select(0, index).long() for place in (row, column))
-        found = scores[sample.index_select(0, index), n, row, column]
-        total = total.index_add(0, index, found)
-        views = views.index_add(0, index, torch.ones_like(found[:, :1]))
-    painted = (total / views.clamp(min=1), views == 0)
+        row, column = (torch.where(seen, place, 0.0).long() for place in (row, column))
+        cell = ((sample * cameras + n) * height + row) * width + column
+        total = total + table.index_select(0, torch.where(seen, cell, len(table) - 1))
+    views = total[:, -1:]
+    painted = (total[:, :-1] / views.clamp(min=1), views == 0)
     return torch.cat([points, *(columns.to(points.dtype) for columns in painted)], dim=1)
 
 

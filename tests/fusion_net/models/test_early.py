@@ -110,6 +110,13 @@ def test_the_camera_has_no_way_past_the_lidar():
     assert len(model.decode(model(batch, alone))) == batch.size
 
 
+def test_points_of_an_absent_lidar_change_nothing():
+    model, batch = small_early_model().eval(), small_batch()
+    present, mine = without(batch, LIDAR, sample=1), batch.lidar_batch == 1
+    moved = replace(batch, lidar_points=torch.where(mine[:, None], 0.5 * batch.lidar_points, batch.lidar_points))
+    torch.testing.assert_close(maps(model, batch, present), maps(model, moved, present), rtol=0, atol=1e-6)
+
+
 def test_the_camera_matters_where_there_is_a_lidar():
     model, batch = small_early_model().eval(), small_batch()
     with torch.no_grad():

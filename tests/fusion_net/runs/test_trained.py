@@ -143,3 +143,15 @@ def test_changed_settings_are_those_that_somebody_chose():
     assert changed_settings(other) == {
         "encoders": ["camera", "lidar"], "fuser": "average", "dataset.train.lidar_sweeps": 2
     }  # fmt: skip
+
+
+def test_changed_settings_of_another_model_are_its_own():
+    """Not that it lacks the settings of the default's view transform."""
+    with initialize_config_dir(str(CONFIGS), version_base="1.3"):
+        changed = changed_settings(compose("train", overrides=["model=early", "painting=oracle"]))
+    assert changed == {
+        "model._target_": "fusion_net.models.early.early_fusion",
+        "model.encoders.camera._target_": "fusion_net.models.encoders.painted_lidar.Painter",
+        "model.encoders.camera.painting": "oracle",
+        "painting": "oracle",
+    }

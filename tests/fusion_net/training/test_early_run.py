@@ -13,6 +13,7 @@ from fusion_net.common.cli.command import CONFIGS
 from fusion_net.evaluate import evaluate_run
 from fusion_net.fit import fit
 from fusion_net.runs.trained import shipped
+from fusion_net.training.callbacks import MetricsCSV
 from fusion_net.training.module import DetectorModule
 from tests.fixtures.training_setup import settings, write_data
 
@@ -41,6 +42,7 @@ def place(data, tmp_path_factory):
         patch.chdir(folder)
         patch.setattr(DetectorModule, "training_step", spy)
         patch.setattr("fusion_net.fit.LOG_EVERY", 1)
+        patch.setattr(MetricsCSV.__init__, "__kwdefaults__", {"every": 1})
         fit(settings(data, *EARLY, "name=whole"))
     return folder, stages
 

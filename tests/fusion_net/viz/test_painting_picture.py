@@ -12,7 +12,7 @@ from fusion_net.data.samples import SampleReader
 from fusion_net.nuscenes.nuscenes import NuScenes
 from fusion_net.viz.calibration import turned
 from fusion_net.viz.painting import BACKGROUND, UNSEEN, labels_of_boxes, painted_labels, write_painting
-from tests.fixtures.tiny_tree import write_tree
+from tests.fixtures.tiny_tree import CAM_K, write_tree
 
 PEDESTRIAN = CLASSES.index("pedestrian")
 
@@ -24,10 +24,10 @@ def root(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def sample(root):
-    """A camera whose middle column of cells shows a pedestrian."""
+    """A camera whose column of cells around its axis shows a pedestrian."""
     read = SampleReader(label_stride=8, cameras=["CAM_FRONT"]).read(NuScenes(root), "scene-0000-0")
     shown = np.full_like(read.class_map, -1)
-    shown[..., shown.shape[-1] // 2] = PEDESTRIAN
+    shown[..., int(CAM_K[0, 2] // 8)] = PEDESTRIAN
     return replace(read, class_map=shown)
 
 

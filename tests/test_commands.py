@@ -90,7 +90,7 @@ MISTAKES = [
     (ABLATION, "collect=true", "folder is needed; write folder=VALUE"),
     (COMPARE, "runs/mine", "name two runs at least"),
     (COMPARE, "runs/a runs/b", "no evaluation in runs/a; score the run: python eval.py run=runs/a"),
-    (COMPARE, "run=runs/a", "did you mean runs?"),
+    (COMPARE, "run=runs/a", "does not read 'run'"),
     (EVAL, "run=runs/nothing", "no run at runs/nothing"),
     (DATA_GEN, "data.num_scenes=0", "num_scenes=0"),
     (DATA_GEN, "seed=abc", "seed=abc is not a whole number"),

@@ -120,7 +120,7 @@ def _charts(found: Survey, summary: Summary, drawings: Iterable[tuple[str, Drawi
         size, kind = ((11.6, 1.35), "drawn wide") if drawing is objects.sizes else ((5.6, 3.3), "drawn")
         source = inline(_png(draw(drawing, found, summary, size)), "png")
         drawn.append(card(title, f'<img alt="{title}" src="{source}">', kind=kind))
-    return cards(drawn)
+    return cards(drawn, "large")
 
 
 def _condition_rows(summary: Summary) -> tuple[list[str], list[list[str]]]:

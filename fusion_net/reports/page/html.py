@@ -58,9 +58,9 @@ def facts(pairs: Iterable[tuple[str, str]]) -> Html:
     return Html(f'<div class="facts">{"".join(tiles)}</div>')
 
 
-def cards(parts: Iterable[str]) -> Html:
-    """Cards side by side, as many as fit."""
-    return Html(f'<div class="cards">{"".join(parts)}</div>')
+def cards(parts: Iterable[str], kind: str = "") -> Html:
+    """Cards side by side, as many as fit; "large" ones are for pictures with small text."""
+    return Html(f'<div class="cards {kind}">{"".join(parts)}</div>')
 
 
 def card(

@@ -11,8 +11,8 @@ Array = NDArray[np.float64]
 LEAST_MATCHES = 30
 """Matches of a class below which the scale of all classes together is used: of n squared normal errors the mean is off by
 sqrt(2 / n), a quarter at 30."""
-SCALES = (1e-3, 1e3)
-"""Between what a scale of a variance is held."""
+SCALES = (1e-2, 1e2)
+"""Between what a scale of a variance is held: a velocity's standard deviation between 0.1 and 10 m/s."""
 
 
 @dataclass(frozen=True)

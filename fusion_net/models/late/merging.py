@@ -14,9 +14,9 @@ from fusion_net.models.late.covariance import check_covariance
 Array = NDArray[np.float64]
 Merge = Literal["covariance_intersection", "information", "inverse_covariance_intersection", "best"]
 MERGES = get_args(Merge)
-_GOLDEN = (5**0.5 - 1) / 2
-_STEPS = 32
-"""Of the search for omega, each 0.618 times the interval: it ends within 2e-7."""
+_TRIED = np.linspace(0.0, 1.0, 33)
+_ROUNDS = 4
+"""Of the search for w: each tries 33 values between the neighbours of the best so far, in the end 8e-6 apart."""
 
 
 def information(mean_a: ArrayLike, cov_a: ArrayLike, mean_b: ArrayLike, cov_b: ArrayLike) -> tuple[Array, Array]:
@@ -32,11 +32,11 @@ def covariance_intersection(
     det P (Julier & Uhlmann 1997, "A non-divergent estimation algorithm in the presence of unknown correlations").
 
     P is never smaller than the true covariance of the merged error, whatever the correlation, if A and B are not. log det P^-1
-    is concave in w, so a golden section search finds it.
+    is concave in w.
     """
     a, A, b, B = _checked(mean_a, cov_a, mean_b, cov_b)
     A_inv, B_inv = np.linalg.inv(A), np.linalg.inv(B)
-    w = _most_informative(lambda w: w * A_inv + (1 - w) * B_inv, A.shape[:-2])
+    w = _most_informative(lambda w, ratio: w + (1 - w) / ratio, A, B)
     return _combined(w * A_inv, a, (1 - w) * B_inv, b)
 
 
@@ -49,7 +49,7 @@ def inverse_covariance_intersection(
     """
     a, A, b, B = _checked(mean_a, cov_a, mean_b, cov_b)
     A_inv, B_inv = np.linalg.inv(A), np.linalg.inv(B)
-    w = _most_informative(lambda w: A_inv + B_inv - np.linalg.inv(w * A + (1 - w) * B), A.shape[:-2])
+    w = _most_informative(lambda w, ratio: 1 + 1 / ratio - 1 / (w + (1 - w) * ratio), A, B)
     shared = np.linalg.inv(w * A + (1 - w) * B)
     return _combined(A_inv - w * shared, a, B_inv - (1 - w) * shared, b)
 
@@ -85,21 +85,19 @@ def _combined(A_inv: NDArray, a: NDArray, B_inv: NDArray, b: NDArray) -> tuple[A
     return mean[..., 0], (P + P.swapaxes(-1, -2)) / 2
 
 
-def _most_informative(information_of: Callable[[Array], NDArray], shape: tuple[int, ...]) -> Array:
-    """The w (..., 1, 1) in [0, 1] of the largest log det of ``information_of(w)`` (..., d, d), which has one peak in w."""
+def _most_informative(information_of: Callable[[Array, Array], NDArray], A: Array, B: Array) -> Array:
+    """The w (..., 1, 1) in [0, 1] under which the merged information has the largest determinant; it has one peak in w.
 
-    def value(w: Array) -> Array:
-        return np.linalg.slogdet(information_of(w[..., None, None]))[1]
-
-    low, high = np.zeros(shape), np.ones(shape)
-    for _ in range(_STEPS):
-        left, right = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
-        rises = value(left) < value(right)
-        low, high = np.where(rises, left, low), np.where(rises, high, right)
-    searched = (low + high) / 2
-    half, none, all_ = (np.full(shape, w) for w in (0.5, 0.0, 1.0))  # the search never tries the ends themselves
-    candidates = np.stack([half, searched, none, all_])
-    chosen = np.stack([value(w).round(9) for w in candidates]).argmax(
-        axis=0
-    )  # of equals, as of equal A and B, the half
-    return np.take_along_axis(candidates, chosen[None], axis=0)[0][..., None, None]
+    In the coordinates in which A is the unit matrix and B diagonal, with the variances ``ratio``, the merged information of
+    either rule is diagonal too: ``information_of(w, ratio)``. So the search works on a few numbers and not on matrices.
+    """
+    root = np.linalg.inv(np.linalg.cholesky(A))
+    ratio = np.linalg.eigvalsh(root @ B @ root.swapaxes(-1, -2))[..., None, :]
+    low, high = np.zeros(A.shape[:-2]), np.ones(A.shape[:-2])
+    for _ in range(_ROUNDS):
+        w = low[..., None] + (high - low)[..., None] * _TRIED
+        value = np.log(information_of(w[..., None], ratio)).sum(axis=-1) - 1e-9 * np.abs(w - 0.5)  # of equals the half
+        best_w = np.take_along_axis(w, value.argmax(axis=-1)[..., None], axis=-1)[..., 0]
+        step = (high - low) * _TRIED[1]
+        low, high = np.maximum(best_w - step, 0.0), np.minimum(best_w + step, 1.0)
+    return best_w[..., None, None]

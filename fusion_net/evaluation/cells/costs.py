@@ -1,4 +1,4 @@
-"""What a detector costs: milliseconds by stage, bytes that go where sensors meet, parameters that hang on a sensor."""
+"""What a detector costs: processor time by stage, bytes that go where sensors meet, parameters that hang on a sensor."""
 
 import time
 from collections import defaultdict
@@ -23,16 +23,16 @@ FIELDS = {"camera": ("images",), "lidar": ("lidar_points",), "radar": ("radar_po
 
 @torch.inference_mode()
 def stage_times(model: nn.Module, batch: Batch) -> dict[str, float]:
-    """Milliseconds a sample of each part of the model that is called as a module, of decoding, and of all together."""
+    """Milliseconds of processor time a sample: of each part that is called as a module, of decoding, and of all."""
     spent: dict[str, list[float]] = defaultdict(list)
     with _timing(dict(parts(model)), spent):
         for _ in range(REPEATS + 1):
-            start = time.perf_counter()
+            start = time.process_time()
             outputs = model(batch, present=batch.present)
-            between = time.perf_counter()
+            between = time.process_time()
             model.decode(outputs)  # type: ignore[operator]
-            spent["decoding"].append(time.perf_counter() - between)
-            spent["total"].append(time.perf_counter() - start)
+            spent["decoding"].append(time.process_time() - between)
+            spent["total"].append(time.process_time() - start)
     return {name: 1e3 * median(values[-REPEATS:]) / batch.size for name, values in spent.items()}
 
 
@@ -118,10 +118,10 @@ def _timing(modules: dict[str, nn.Module], spent: dict[str, list[float]]) -> Ite
     handles, started = [], {}
 
     def before(name: str) -> Callable:
-        return lambda module, inputs: started.__setitem__(name, time.perf_counter())
+        return lambda module, inputs: started.__setitem__(name, time.process_time())
 
     def after(name: str) -> Callable:
-        return lambda module, inputs, outputs: spent[name].append(time.perf_counter() - started[name])
+        return lambda module, inputs, outputs: spent[name].append(time.process_time() - started[name])
 
     for name, module in modules.items():
         handles += [module.register_forward_pre_hook(before(name)), module.register_forward_hook(after(name))]

@@ -1,11 +1,11 @@
 """The cells that the levels of fusion are compared by: how sensors die, lose their calibration, run late and wear."""
 
 from collections.abc import Sequence
+from typing import Any
 
 from hydra.utils import instantiate
 from omegaconf import OmegaConf
 
-from fusion_net.common.cli.composed import composed
 from fusion_net.common.cli.overrides import CONFIGS
 from fusion_net.common.fault_effects import Dead, FewerBeams, Mismount, Stale
 from fusion_net.common.faults import Fault
@@ -108,13 +108,12 @@ def clocks(*, quick: bool) -> list[Cell]:
 def corruptions(*, quick: bool) -> list[Cell]:
     """Every preset of ``configs/fault`` at each severity, or quickly at the one in the middle."""
     cells = []
-    for name in sorted(path.stem for path in (CONFIGS / "fault").glob("*.yaml") if path.stem != "none"):
-        preset = composed("eval", f"fault={name}").fault
-        severities = range(1, len(preset.levels) + 1)
+    for path in sorted((CONFIGS / "fault").glob("*.yaml")):
+        preset: Any = OmegaConf.to_container(OmegaConf.load(path))
+        severities = range(1, len(preset["levels"]) + 1)
         for severity in [severities[len(severities) // 2]] if quick else severities:
-            node = OmegaConf.merge(preset, {"severity": severity})
-            faults = tuple(instantiate(OmegaConf.to_container(node, resolve=True), _convert_="all"))
-            cells.append(_on_curve("corruptions", name, severity, "", faults=faults))
+            if faults := tuple(instantiate(preset | {"severity": severity}, _convert_="all")):
+                cells.append(_on_curve("corruptions", path.stem, severity, "", faults=faults))
     return cells
 
 

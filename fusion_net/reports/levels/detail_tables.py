@@ -199,9 +199,10 @@ def _costs(doc: dict[str, Any]) -> Section:
             ]
         )
     rows.append(["parameters", *(f"{own['parameters']:,}" for own in costs.values())])
+    text = "Milliseconds of processor time, in batches of eight; kB of 1000 bytes; parameters to retrain as a share of all."
     return (
         "Compute and bandwidth",
-        "One thread a process where the command says so; a batch of eight." if columns else "",
+        text if columns else "",
         rows,
     )
 

@@ -133,7 +133,7 @@ def _fill(benches: Sequence[_Bench], cells: Sequence[Cell], asked: Asked) -> lis
                     samples,
                     context=lambda: autocast(first.precision),
                 )
-                for name, result in results.items():
+                for name, result in results:
                     lack[name].store.put(cell.group, cell.name, result)
                 progress.done(cell, len(lack))
             _fill_costs(benches, samples)

@@ -169,5 +169,6 @@ def _about(doc: dict[str, Any]) -> Sequence[str]:
         f"`python train.py -m +sweep=levels`, then `{doc['command']}`.",
         "",
         f"First and fourth row: seeds {seeds}, scored on {on}. Faults: seeds {cell_seeds}, scenes {doc['samples']}. Training"
-        f" took {trained:.0f} minutes in all, the {count} cells {doc['seconds']['total'] / 60:.0f}. Code at {commits}.",
+        f" took {trained:.0f} minutes in all, the {count} cells {doc['seconds']['total'] / 60:.0f} of processor time. Code at"
+        f" {commits}.",
     ]

@@ -139,6 +139,12 @@ class LevelScores:
         }
 
 
+def mean_curve(curves: Sequence[Curve]) -> Curve:
+    """The mean of curves of the same amounts."""
+    scores, draws = ([getattr(curve, name) for curve in curves] for name in ("scores", "draws"))
+    return Curve(curves[0].name, curves[0].amounts, np.mean(scores, axis=0), np.mean(draws, axis=0))
+
+
 def mean_left(curves: Sequence[Curve]) -> Estimate | None:
     """The mean over several curves of what is left; None without any."""
     if not curves:

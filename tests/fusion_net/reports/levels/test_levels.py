@@ -47,6 +47,7 @@ def made(data, tmp_path_factory):
 def sweep(made, tmp_path, monkeypatch):
     """The same, to be changed."""
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("fusion_net.trained.run_record", lambda folder, cfg: {})  # takes a second
     shutil.copytree(made / "runs", "runs")
     return SWEEP
 

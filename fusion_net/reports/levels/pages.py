@@ -18,6 +18,7 @@ LESSON = {
     "Where SOTA lives": ("niche", "here", "safety backup"),
 }
 """The lesson's table of trade-offs, early, mid, late."""
+WHY = "What differs here from the lesson's setting, and so may change an order: [levels](../../levels.md)."
 NOTES = (
     "[..]: 95 % intervals, by bootstrap over the scenes; where several seeds are compared over these too. Differences are"
     " paired: the same resampled scenes on both sides.",
@@ -36,7 +37,7 @@ def as_markdown(doc: dict[str, Any]) -> str:
     lines += _missing(doc)
     lines += ["## The lesson's table of trade-offs", "", *piped(trade_offs(doc)), ""]
     lines += ["![What is left of mAP under faults](levels.png)", ""]
-    lines += ["## The lesson's orders", "", *piped(orders(doc)), ""]
+    lines += ["## The lesson's orders", "", *piped(orders(doc)), "", WHY, ""]
     for title, text, cells in details(doc):
         lines += [
             f"## {title}",
@@ -168,7 +169,8 @@ def _about(doc: dict[str, Any]) -> Sequence[str]:
     return [
         f"`python train.py -m +sweep=levels`, then `{doc['command']}`.",
         "",
-        f"First and fourth row: seeds {seeds}, scored on {on}. Faults: seeds {cell_seeds}, scenes {doc['samples']}. Training"
+        f"First and fourth row: seeds {seeds}, scored on {on}. Faults: seeds {cell_seeds}, scenes {doc['samples']},"
+        f" {doc['labels']} labels. Training"
         f" took {trained:.0f} minutes in all, the {count} cells {doc['seconds']['total'] / 60:.0f} of processor time. Code at"
         f" {commits}.",
     ]

@@ -37,7 +37,7 @@ def plot_levels(path: Path, doc: dict[str, Any]) -> None:
         panels[0, 0].legend(frameon=False, fontsize=8)
     seeds = ", ".join(map(str, doc["cell_seeds"])) or "none"
     title = "One faulty sensor: mAP, mean over axes, 95 % intervals over scenes"
-    figure.suptitle(f"{title} ({doc['samples']}, seed {seeds})", fontsize=10)
+    figure.suptitle(f"{title} ({doc['samples']}, {doc['labels']} labels, seed {seeds})", fontsize=10)
     figure.savefig(path)
 
 

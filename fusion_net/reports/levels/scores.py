@@ -82,6 +82,11 @@ class LevelScores:
         """Those whose cells are here."""
         return [each.run.job.seed for each in self._runs]
 
+    @property
+    def labels(self) -> int:
+        """How many objects the scores rest on, those of unknown speed left out."""
+        return sum(row["labels"] for row in self.cells(SOUND.group)[SOUND.name][0]["scores"]["C+L+R"]["parts"]["speed"])
+
     def cells(self, group: str) -> dict[str, list[dict[str, Any]]]:
         """The results of a group by name, one a seed; of those that every seed has."""
         groups = [each.groups.get(group, {}) for each in self._runs]

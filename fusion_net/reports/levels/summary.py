@@ -37,6 +37,7 @@ def summarise(runs: Sequence[LevelRun], measured: Sequence[Measured]) -> dict[st
         "gaps": gaps(runs),
         "seeds": sorted(shared),
         "cell_seeds": sorted(cell_seeds),
+        "labels": next((scores.labels for scores in found.values()), 0),
         "runs": _runs(runs),
         "information": _information(scored, seeds),
         "levels": {level: _level(scores) | _dropout(seeds[level]) for level, scores in found.items()},

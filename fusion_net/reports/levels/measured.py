@@ -22,8 +22,8 @@ from fusion_net.evaluation.cells.store import ABOUT, CellStore, read_cells
 from fusion_net.models.precision import autocast
 from fusion_net.nuscenes.kept_files import keeping_files
 from fusion_net.reports.levels.runs import LevelRun, weights_hash
-from fusion_net.run_dir import environment
-from fusion_net.trained import Trained, trained_run
+from fusion_net.runs.run_dir import environment
+from fusion_net.runs.trained import Trained, trained_run
 
 COSTS = "costs"
 """Group and name of what a run costs beside its scores."""

@@ -9,7 +9,7 @@ from pathlib import Path
 from torch import Tensor
 
 from fusion_net.reports.ablation.jobs import Job, find_jobs
-from fusion_net.run_dir import load_config
+from fusion_net.runs.run_dir import load_config
 
 LEVELS = ("early", "mid", "late")
 """From the first merging point to the last."""

@@ -16,7 +16,7 @@ from fusion_net.reports.levels.__main__ import write_levels
 from fusion_net.reports.levels.measured import Asked
 from fusion_net.reports.levels.runs import find_levels, gaps
 from fusion_net.reports.run_result import write_result
-from fusion_net.run_dir import open_run
+from fusion_net.runs.run_dir import open_run
 from tests.fixtures.run_results import make_result
 from tests.fixtures.training_setup import settings, write_data
 
@@ -47,7 +47,7 @@ def made(data, tmp_path_factory):
 def sweep(made, tmp_path, monkeypatch):
     """The same, to be changed."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("fusion_net.trained.run_record", lambda folder, cfg: {})  # takes a second
+    monkeypatch.setattr("fusion_net.runs.trained.run_record", lambda folder, cfg: {})  # takes a second
     shutil.copytree(made / "runs", "runs")
     return SWEEP
 

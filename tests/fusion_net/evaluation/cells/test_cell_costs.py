@@ -4,7 +4,7 @@ import pytest
 
 from fusion_net.common.nuscenes_format import MODALITIES
 from fusion_net.evaluation.cells.costs import dependent_parameters, input_bytes, merged_bytes, stage_times
-from tests.fixtures.small_model import CHANNELS, GRID, small_batch, small_model
+from tests.fixtures.small_model import CHANNELS, GRID, small_batch, small_early_model, small_late, small_model
 
 
 @pytest.fixture(scope="module")
@@ -41,3 +41,25 @@ def test_every_stage_takes_time_and_all_together_the_most(model):
     )
     assert min(times.values()) > 0
     assert sum(value for name, value in times.items() if name != "total") <= 1.3 * times["total"]
+
+
+def test_early_fusion_merges_class_scores_and_points_and_hangs_on_each_of_them():
+    model, batch = small_early_model().eval(), small_batch()
+    merged = merged_bytes(model, batch)
+    rows, columns = GRID.shape
+    assert merged["camera"] == 2 * (48 // 8) * (80 // 8) * 4
+    assert merged["lidar"] == input_bytes(batch)["lidar"]
+    assert merged["radar"] == CHANNELS * rows * columns * 4
+    hanging = {name: dependent_parameters(model, batch, name)[0] for name in MODALITIES}
+    assert hanging["camera"] > hanging["lidar"]  # the painted points' encoder hangs on both
+
+
+def test_late_fusion_merges_boxes_and_nothing_hangs_on_two_sensors():
+    model, batch = small_late().eval(), small_batch()
+    merged = merged_bytes(model, batch)
+    assert set(merged) == set(MODALITIES)
+    assert 0 < merged["lidar"] <= 200 * 100 * 4
+    hanging = {name: dependent_parameters(model, batch, name)[0] for name in MODALITIES}
+    assert all(hanging[name] <= size(model.detectors[name]) for name in MODALITIES)
+    assert sum(hanging.values()) > 0.9 * size(model)
+    assert {"camera detector", "lidar detector", "radar detector", "decoding"} <= set(stage_times(model, batch))

@@ -25,8 +25,8 @@ from fusion_net.models.late.late_fusion import LateFusion
 from fusion_net.models.precision import autocast
 from fusion_net.nuscenes.tables import manifest
 from fusion_net.reports import decoys
-from fusion_net.reports import late_calibration as late_report
 from fusion_net.reports.audits.run import Auditor, chosen_audits
+from fusion_net.reports.evaluation import late_calibration as late_report
 from fusion_net.reports.evaluation.figures import Scored
 from fusion_net.reports.evaluation.page import REPORT, write_report
 from fusion_net.reports.plots import plot_drop_table

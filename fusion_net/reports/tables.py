@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from fusion_net.common.modalities import STYLES
+from fusion_net.common.modalities import letters
 from fusion_net.evaluation.drop_table import SUBSETS, DropTable
 from fusion_net.evaluation.scoring import FOOTNOTES
 from fusion_net.metrics.matching import TP_ERRORS
@@ -41,7 +41,7 @@ def write_drop_table(folder: Path, doc: dict[str, Any]) -> None:
 
 def name_of(sensors: Sequence[str]) -> str:
     """C+L+R and so on; "random" for no sensor at all."""
-    return "+".join(STYLES[name].letter for name in sensors) or "random"
+    return letters(sensors) or "random"
 
 
 NAMES = tuple(name_of(subset) for subset in SUBSETS)

@@ -31,6 +31,7 @@ COMMANDS = {
     "ablation": "python -m fusion_net.reports.ablation",
     "claims": "python -m fusion_net.reports.claims",
     "compare": "python -m fusion_net.reports.compare",
+    "levels": "python -m fusion_net.reports.levels",
     "statistics": "python -m fusion_net.reports.statistics",
     "lidar_check": "python -m fusion_net.viz.lidar_check",
     "painting": "python -m fusion_net.viz.painting",

@@ -35,17 +35,18 @@ def audit_calibration(
     overlay: Mapping[str, Any] | None = None,
     usual: Mapping[str, Mapping[str, Any]] | None = None,
 ) -> Audit:
-    """``boxes``: of each sensor alone, entry by entry of one sample in its ego frame; ``copies`` (R, S): resamples of the
+    """``boxes``: what each sensor sees alone, entry by entry of one sample in its ego frame (of the camera what
+    :mod:`lifted` places, of the others what the detector finds); ``copies`` (R, S): resamples of the
     scenes. ``overlay``: of :func:`fusion_net.viz.overlay.measure_overlay`. ``usual``: the ``pairs`` of this audit of sound
     sensors, whose motions are taken off: what the network itself has the sensors off by."""
     title = "Calibration: do the sensors' views lie on each other?"
     explanation = (
         "Overlay: the LiDAR's points in the image, against the exact depth of their pixels where the data have it; the turn"
-        " at which most of them fit. From above: boxes of each sensor alone as Gaussians, cross-correlated over turns about"
-        " the car's origin and shifts; errors are standard errors from resampled scenes. What the camera says of distances"
-        f" is its own guess, so its shift ahead (x) is not judged. Wrong from {LARGEST_TURN:g} degrees or {LARGEST_SHIFT:g}"
-        f" m on that are {SIGMAS:g} standard errors away from nothing. A turn is counter-clockwise; it is what the first"
-        " sensor's view has to be moved by."
+        " at which most of them fit. From above: what each sensor finds alone (of the camera its class scores at its depths)"
+        " as Gaussians, cross-correlated over turns about the car's origin and shifts; errors are standard errors from"
+        f" resampled scenes. What the camera says of distances is its own guess, so its shift ahead (x) is not judged. Wrong"
+        f" from {LARGEST_TURN:g} degrees or {LARGEST_SHIFT:g} m on that are {SIGMAS:g} standard errors away from nothing. A"
+        " turn is counter-clockwise; it is what the first sensor's view has to be moved by."
     )
     numbers: dict[str, Any] = {"overlay": dict(overlay or {}), "pairs": {}, "curves": {}}
     for names in PAIRS:

@@ -15,13 +15,14 @@ from torch.utils.data import DataLoader, Subset
 from fusion_net.common.boxes import Boxes
 from fusion_net.common.checks import check_names
 from fusion_net.common.nuscenes_format import MODALITIES
-from fusion_net.data.datamodule import NuScenesDataset
+from fusion_net.data.datamodule import NuScenesDataset, make_loader
 from fusion_net.evaluation.audits.ablation import audit_ablation
 from fusion_net.evaluation.audits.association import audit_association
 from fusion_net.evaluation.audits.calibration import audit_calibration
 from fusion_net.evaluation.audits.conditions import audit_conditions
 from fusion_net.evaluation.audits.depth import audit_depth, read_depths
 from fusion_net.evaluation.audits.influence import influence
+from fusion_net.evaluation.audits.lifted import lifted_cells
 from fusion_net.evaluation.audits.result import Audit
 from fusion_net.evaluation.bootstrap import resample_scenes
 from fusion_net.evaluation.decoys import best_f1_score
@@ -93,14 +94,23 @@ class Auditor:
             (self.folder / FOLDER).mkdir(parents=True, exist_ok=True)
             picture = overlay_picture(self.dataset, places[0])
             cv2.imwrite(str(self.folder / FOLDER / "overlay.jpg"), picture[..., ::-1])
-        boxes = {name: self._alone(name) for name in self.sensors}
-        return audit_calibration(boxes, self.copies[:50], overlay=overlay, usual=self._usual())
+        views = {name: self._alone(name) for name in self.sensors}
+        if self._camera is not None:
+            cells = lifted_cells(self._camera, make_loader(self.dataset, batch_size=8))
+            views["camera"] = [cells[token] for token in self.truth.tokens]
+        return audit_calibration(views, self.copies[:50], overlay=overlay, usual=self._usual())
+
+    @property
+    def _camera(self) -> CameraEncoder | None:
+        """The model's camera encoder, in whichever of its parts it is."""
+        if "camera" not in self.sensors:
+            return None
+        return next((part for part in self.model.modules() if isinstance(part, CameraEncoder)), None)
 
     def depth(self) -> Audit:
         """Of models with a camera encoder."""
-        camera = next((part for part in self.model.modules() if isinstance(part, CameraEncoder)), None)
         condition = {token: condition_of(nusc.scene(token)) for nusc, token in self.dataset.index}
-        cells, objects = read_depths(camera, self._batches(LOOKED) if camera else ())
+        cells, objects = read_depths(self._camera, self._batches(LOOKED))
         return audit_depth(cells, objects, condition=condition, classes=self.truth.classes)
 
     def ablation(self) -> Audit:

@@ -188,7 +188,7 @@ def _check_data(trained: Trained, dataset: NuScenesDataset) -> None:
     same place, but then it is said."""
     if not trained.is_shipped:
         refuse_other_data(trained.folder, dataset.fingerprint)
-    elif dataset.fingerprint != trained.record["data"]:
+    elif not {*dataset.fingerprint} <= {*trained.record["data"]}:
         here, there = (", ".join(each[:12] for each in both) for both in (dataset.fingerprint, trained.record["data"]))
         print(
             f"warning: {trained.source.name} was trained on data of other settings (manifest {there}, here {here}): its"

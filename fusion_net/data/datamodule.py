@@ -29,7 +29,8 @@ from fusion_net.nuscenes.nuscenes import NuScenes
 @beartype
 class NuScenesDataset(Dataset):
     """The samples of a split of one nuScenes data set, or of several read as one: ``root`` is the folder of a data set, a
-    folder of shards or a list of these. ``version`` chooses among the folders of tables of a root.
+    folder of shards or a list of these. ``version`` chooses among the folders of tables of a root. ``scenes``: of the split
+    only so many, the first ones of each data set; None: all.
 
     ``grid``: the cells of the targets; boxes off it are left out. ``cache``: where what was decoded (not what was augmented)
     is kept, one of ``CACHES``. ``datasets``: those of ``root``, where they are open already. Further arguments are those
@@ -44,6 +45,7 @@ class NuScenesDataset(Dataset):
         *,
         grid: BEVGrid,
         version: str | None = None,
+        scenes: int | None = None,
         augment: Augment | None = None,
         min_radius: int = 2,
         cache: str | bool = "none",
@@ -55,7 +57,7 @@ class NuScenesDataset(Dataset):
         self.grid, self.augment, self.min_radius, self.seed = grid, augment, min_radius, seed
         self.reader = SampleReader(**reader, fault_seed=seed)
         self.datasets = open_datasets(root, version, mapped=cache == "disk") if datasets is None else datasets
-        self.index = samples_of_split(self.datasets, split)
+        self.index = samples_of_split(self.datasets, split, scenes=scenes)
         self._decoded = SampleCache(str(cache), self.index, split, self.reader)
         refuse_missing_files(self._decoded.new, self.reader)
         refuse_mixed_image_sizes(self.reader, self.index)

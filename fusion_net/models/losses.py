@@ -42,6 +42,13 @@ def masked_l1(values: Tensor, target: Tensor) -> Tensor:
     return error.sum() / known.all(dim=1).sum().clamp(min=1)
 
 
+def nearer_end(rot: Tensor, target: Tensor, symmetric: Tensor) -> Tensor:
+    """Of the two equal headings, target and -target (M, 2: sin, cos of yaw), of a ``symmetric`` (M,) body the one nearer to the
+    prediction ``rot``. The mean of both, which is learned where labels hold either, would be no heading at all."""
+    is_turned = symmetric & ((rot.detach() * target).sum(dim=-1) < 0)
+    return torch.where(is_turned[:, None], -target, target)
+
+
 def binary_loss(logits: Tensor, truth: Tensor) -> Tensor:
     """Mean cross-entropy of logits (M,) and bools (M,); 0 where there are none."""
     return F.binary_cross_entropy_with_logits(logits, truth.to(logits), reduction="sum") / max(len(logits), 1)
@@ -147,14 +154,17 @@ class DetectionLoss:
             return maps[name][sample[:, None], :, r, c]
 
         rot = targets.rot[sample, :, row, column]
+        label = targets.heatmap[sample, :, row, column].argmax(dim=1)
+        is_symmetric = torch.isin(label, label.new_tensor(self.symmetric))[:, None].expand(-1, len(own))
         for name in (name for name in REGRESSED if name in maps):
             target = axis_of(rot) if name == "axis" else getattr(targets, name)[sample, :, row, column]
             target = target[:, None].expand(-1, len(own), -1)
             target = target - step * self.cell if name == "offset" else target
-            terms[name] = masked_l1(around(name)[inside], target[inside])
+            values, target = around(name)[inside], target[inside]
+            target = nearer_end(values, target, is_symmetric[inside]) if name == "rot" else target
+            terms[name] = masked_l1(values, target)
         if "direction" in maps:
-            label = targets.heatmap[sample, :, row, column].argmax(dim=1)
-            has_front = inside & ~torch.isin(label, label.new_tensor(self.symmetric))[:, None]
+            has_front = inside & ~is_symmetric
             forwards = is_forwards(rot)[:, None].expand(-1, len(own))
             terms["direction"] = binary_loss(around("direction")[..., 0][has_front], forwards[has_front])
         terms["log_variance"] = center_nll(maps, targets, cell=self.cell, radius=self.peak_radius)

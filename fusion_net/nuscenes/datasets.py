@@ -29,9 +29,14 @@ def open_datasets(root: str | Sequence[str], version: str | None = None, *, mapp
     ]
 
 
-def samples_of_split(datasets: Sequence[NuScenes], name: str) -> list[tuple[NuScenes, str]]:
+def samples_of_split(
+    datasets: Sequence[NuScenes], name: str, *, scenes: int | None = None
+) -> list[tuple[NuScenes, str]]:
     """Samples of a split, data set by data set, but shards beside each other in the order of their scenes: as if they were one
-    data set. A data set without the split (a small shard) adds none, unless all lack it."""
+    data set. A data set without the split (a small shard) adds none, unless all lack it. ``scenes``: only so many of each data
+    set, the first ones."""
+    if scenes is not None and scenes < 1:
+        raise ValueError(f"scenes={scenes} leaves nothing of the split {name!r}; give at least 1, or null for all")
     having = [nusc for nusc in datasets if nusc.split_name(name) is not None] or datasets
     samples = [(nusc, token) for nusc in having for token in nusc.split(name)]
     if not samples:
@@ -40,7 +45,15 @@ def samples_of_split(datasets: Sequence[NuScenes], name: str) -> list[tuple[NuSc
     rank: dict[Path, int] = {}
     for nusc in having:
         rank.setdefault(_whole(nusc), len(rank))
-    return sorted(samples, key=lambda each: (rank[_whole(each[0])], _scene_of_shard(*each)))
+    samples.sort(key=lambda each: (rank[_whole(each[0])], _scene_of_shard(*each)))
+    if scenes is None:
+        return samples
+    kept: dict[Path, dict[str, None]] = {}
+    for nusc, token in samples:
+        own = kept.setdefault(_whole(nusc), {})
+        if len(own) < scenes:
+            own[nusc.scene(token)["token"]] = None
+    return [(nusc, token) for nusc, token in samples if nusc.scene(token)["token"] in kept[_whole(nusc)]]
 
 
 def _open(folder: Path, version: str | None, mapped: bool) -> list[NuScenes]:

@@ -119,6 +119,16 @@ def test_a_body_and_the_same_turned_round_have_one_axis():
     assert detection_loss().box_terms(maps, targets)["loss/axis"] == pytest.approx(0, abs=1e-5)
 
 
+def test_a_barrier_may_be_headed_either_way_and_a_car_may_not():
+    """Sine and cosine of the heading turned round cost a barrier nothing, so that its two headings average to neither."""
+    for label, is_free in ((1, True), (0, False)):
+        maps, targets = _headed([0.6, 0.6 + math.pi], [label, label])
+        maps["rot"] = torch.tensor([math.sin(0.6), math.cos(0.6)])[:, None, None].expand(1, 2, *GRID.shape).clone()
+        for _ in range(2):
+            assert (detection_loss().box_terms(maps, targets)["loss/rot"] < 1e-5) == is_free
+            maps["rot"] *= -1
+
+
 def test_a_symmetric_body_teaches_no_direction():
     (car, barrier) = (_headed([2.0], [label]) for label in (0, 1))
     for maps, targets, learned in ((*car, True), (*barrier, False)):

@@ -52,6 +52,20 @@ def test_a_folder_of_shards_and_a_list_of_them_read_as_the_whole(whole, shards, 
     assert capsys.readouterr().err == ""
 
 
+def test_the_first_scenes_of_a_split_are_nested_whether_in_shards_or_whole(whole, shards):
+    def chosen(root, scenes):
+        return [token for _, token in samples_of_split(open_datasets(str(root)), "train", scenes=scenes)]
+
+    one, two = chosen(whole, 1), chosen(whole, 2)
+    everything = tokens(str(whole), "train")
+    assert one == two[: len(one)] == everything[: len(one)]
+    assert 0 < len(one) < len(two) < len(everything)
+    assert chosen(shards, 2) == two
+    assert chosen(whole, 100) == everything
+    with pytest.raises(ValueError, match="scenes=0 leaves nothing of the split 'train'"):
+        chosen(whole, 0)
+
+
 def test_missing_shards_are_named_once(shards, capsys):
     shutil.rmtree(shards / "shard-1-of-3")
     assert [len(tokens(str(shards), split)) for split in ("train", "val")] == [4, 2]

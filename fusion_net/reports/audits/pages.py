@@ -8,7 +8,7 @@ from fusion_net.evaluation.audits.result import Audit
 from fusion_net.reports.audits.plots import draw
 from fusion_net.reports.run_result import rounded, write_result
 
-FOLDER, PAGE = "audits", "audits.md"
+FOLDER, PAGE, OVERLAY = "audits", "audits.md", "overlay.jpg"
 
 
 def write_audit(folder: Path, audit: Audit) -> None:
@@ -51,5 +51,7 @@ def write_page(folder: Path) -> None:
         said = "not judged" if doc["ok"] is None else "ok" if doc["ok"] else "**wrong**"
         lines += [f"## {doc['title']}", "", f"{said}: {doc['verdict']}", ""]
         lines += [f"![{doc['name']}]({FOLDER}/{doc['picture']})", ""] if doc["picture"] else []
+        if doc["name"] == "calibration" and (folder / FOLDER / OVERLAY).exists():
+            lines += [f"![overlay]({FOLDER}/{OVERLAY})", ""]
         lines += [doc["explanation"], ""]
     (folder / PAGE).write_text("\n".join(lines), encoding="utf-8")

@@ -31,7 +31,7 @@ from fusion_net.evaluation.scoring import GroundTruth
 from fusion_net.evaluation.strata import condition_of
 from fusion_net.models.encoders.camera_encoder import CameraEncoder
 from fusion_net.models.fusion_net import FusionNet
-from fusion_net.reports.audits.pages import FOLDER, write_audit, write_page
+from fusion_net.reports.audits.pages import FOLDER, OVERLAY, write_audit, write_page
 from fusion_net.viz.overlay import measure_overlay, overlay_picture
 
 AUDITS = ("calibration", "depth", "ablation", "conditions", "association")
@@ -86,14 +86,14 @@ class Auditor:
         return audits
 
     def calibration(self) -> Audit:
-        """The overlay is also drawn, as ``audits/overlay.jpg``."""
+        """The overlay is also drawn, beside the audit's picture."""
         overlay = None
         places = self._places(OVERLAYS)
         if {"camera", "lidar"} <= set(self.sensors):
             overlay = measure_overlay(self.dataset, places)
             (self.folder / FOLDER).mkdir(parents=True, exist_ok=True)
             picture = overlay_picture(self.dataset, places[0])
-            cv2.imwrite(str(self.folder / FOLDER / "overlay.jpg"), picture[..., ::-1])
+            cv2.imwrite(str(self.folder / FOLDER / OVERLAY), picture[..., ::-1])
         views = {name: self._alone(name) for name in self.sensors}
         if self._camera is not None:
             cells = lifted_cells(self._camera, make_loader(self.dataset, batch_size=8))

@@ -41,7 +41,7 @@ def views():
 @pytest.fixture(scope="module")
 def copies():
     scenes = np.array([f"s{k // 2}" for k in range(SAMPLES)])
-    return resample_scenes(scenes, resamples=30, rng=np.random.default_rng(0))
+    return resample_scenes(scenes, resamples=12, rng=np.random.default_rng(0))
 
 
 @pytest.mark.parametrize(

@@ -3,9 +3,12 @@
 from dataclasses import dataclass
 
 from fusion_net.evaluation.audits.ablation import judge_subsets
+from fusion_net.evaluation.audits.association import judge_gate
 from fusion_net.reports.claims.claim import OPEN, Claim, not_measured, verdict
 from fusion_net.reports.claims.results import DEMO, Results
 
+WIDE_GATE = 12
+"""Metres."""
 FAULTS = "faults"
 """Folder of the audits of provoked failures, one folder each."""
 
@@ -48,15 +51,16 @@ FAILURES = (
     Failure(
         "Failure 5, mis-association: the association audit catches a gate that merges different objects",
         "association",
-        "gate_12",
-        "python eval.py run=runs/demo audits=association audit_gate=12",
+        DEMO,
+        f"python eval.py run=runs/demo audits=association audit_gate={WIDE_GATE}",
     ),
 )
 
 
 def claims(results: Results) -> list[Claim]:
     """All five; the audit of the sound run must stay silent where the failure is one that it does not have."""
-    return [_imbalance(results) if failure.audit == "ablation" else _claim(results, failure) for failure in FAILURES]
+    own = {"ablation": _imbalance, "association": _association}
+    return [own[failure.audit](results) if failure.audit in own else _claim(results, failure) for failure in FAILURES]
 
 
 def _claim(results: Results, failure: Failure) -> Claim:
@@ -93,3 +97,14 @@ def _imbalance(results: Results) -> Claim:
         verdict(len(wrong) == len(caught), ok),
         f"The default run: {'ok' if ok else 'wrong'}: {said}",
     )
+
+
+def _association(results: Results) -> Claim:
+    """The audit's rule on a gate that is too wide and on the default one: its file holds the counts of all gates."""
+    failure = FAILURES[4]
+    audit = results.audit(failure.audit)
+    if audit is None:
+        return not_measured(failure.text, failure.command, results.shown(DEMO, "audits", f"{failure.audit}.json"))
+    said, ok = judge_gate(audit["numbers"], WIDE_GATE)
+    sound = f"The default gate: {'ok' if audit['ok'] else 'wrong'}: {audit['verdict']}"
+    return Claim(failure.text, failure.command, said, verdict(not ok, bool(audit["ok"])), sound)

@@ -15,14 +15,14 @@ from torch.utils.data import DataLoader, Subset
 from fusion_net.common.boxes import Boxes
 from fusion_net.common.checks import check_names
 from fusion_net.common.nuscenes_format import MODALITIES
-from fusion_net.data.datamodule import NuScenesDataset, make_loader
+from fusion_net.data.datamodule import NuScenesDataset
 from fusion_net.evaluation.audits.ablation import audit_ablation
 from fusion_net.evaluation.audits.association import audit_association
 from fusion_net.evaluation.audits.calibration import audit_calibration
 from fusion_net.evaluation.audits.conditions import audit_conditions
 from fusion_net.evaluation.audits.depth import audit_depth, read_depths
 from fusion_net.evaluation.audits.influence import influence
-from fusion_net.evaluation.audits.lifted import lifted_cells
+from fusion_net.evaluation.audits.response import responses
 from fusion_net.evaluation.audits.result import Audit
 from fusion_net.evaluation.bootstrap import resample_scenes
 from fusion_net.evaluation.decoys import best_f1_score
@@ -35,8 +35,8 @@ from fusion_net.reports.audits.pages import FOLDER, OVERLAY, write_audit, write_
 from fusion_net.viz.overlay import measure_overlay, overlay_picture
 
 AUDITS = ("calibration", "depth", "ablation", "conditions", "association")
-OVERLAYS, LISTENED, LOOKED = 24, 64, 160
-"""Samples, spread over the split, of the overlay, of the gradients, and of the depths."""
+OVERLAYS, LISTENED, PROBED, LOOKED = 24, 64, 80, 160
+"""Samples, spread over the split, of the overlay, of the gradients, of the responses, and of the depths."""
 
 
 def chosen_audits(audits: str | Sequence[str]) -> tuple[str, ...]:
@@ -95,10 +95,8 @@ class Auditor:
             picture = overlay_picture(self.dataset, places[0])
             cv2.imwrite(str(self.folder / FOLDER / OVERLAY), picture[..., ::-1])
         views = {name: self._alone(name) for name in self.sensors}
-        if self._camera is not None:
-            cells = lifted_cells(self._camera, make_loader(self.dataset, batch_size=8))
-            views["camera"] = [cells[token] for token in self.truth.tokens]
-        return audit_calibration(views, self.copies[:50], overlay=overlay, usual=self._usual())
+        follow = responses(self.model, self._batches(PROBED), self.sensors)
+        return audit_calibration(views, self.copies[:50], overlay=overlay, usual=self._usual(), responses=follow)
 
     @property
     def _camera(self) -> CameraEncoder | None:

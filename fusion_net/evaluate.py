@@ -8,8 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
+from torch import nn
 from torch.utils.data import DataLoader
 
+from fusion_net.common.checks import check_names
 from fusion_net.common.cli.command import build
 from fusion_net.common.cli.command_line import as_override, job_folder
 from fusion_net.common.cli.composed import composed
@@ -20,6 +22,7 @@ from fusion_net.evaluation.drop_table import SUBSETS, drop_table, predict
 from fusion_net.evaluation.result_folder import is_same_data, result_folder
 from fusion_net.evaluation.scoring import GroundTruth, ground_truth
 from fusion_net.metrics.results import write_results
+from fusion_net.models.encoders.camera_encoder import DEPTH_SOURCES, CameraEncoder
 from fusion_net.models.fusion_net import FusionNet
 from fusion_net.models.late.late_fusion import LateFusion
 from fusion_net.models.precision import autocast
@@ -89,6 +92,10 @@ def evaluate_run(cfg: DictConfig) -> None:
     trained, changes = adapted(_trained(cfg), cfg.late)
     dataset = open_samples(trained, split=cfg.split, root=cfg.data.root, version=cfg.data.version, fault=cfg.fault)
     model = trained.model()
+    changed = [f"{cfg.fault.name}_{cfg.fault.severity}"] if dataset.reader.faults else []
+    if cfg.depth_source:
+        lift_by(model, cfg.depth_source)
+        changed.append(f"depth_{cfg.depth_source}")
     own_split, own_root = trained.cfg.dataset.val.split, trained.cfg.data.root
     split, root = cfg.split or own_split, cfg.data.root or own_root
     target = result_folder(
@@ -101,7 +108,7 @@ def evaluate_run(cfg: DictConfig) -> None:
         version=cfg.data.version,
         own_version=trained.cfg.data.get("version"),
         checkpoint="best" if trained.is_shipped else cfg.checkpoint,
-        fault=f"{cfg.fault.name}_{cfg.fault.severity}" if dataset.reader.faults else "",
+        fault="+".join(changed),
         variant=job_folder([f"{key}={value}" for key, value in changes.items()]) if changes else "",
     )
     truth = ground_truth(dataset)
@@ -125,6 +132,8 @@ def evaluate_run(cfg: DictConfig) -> None:
     )
     if dataset.reader.faults:
         doc["fault"] = {"name": cfg.fault.name, "severity": cfg.fault.severity}
+    if cfg.depth_source:
+        doc["notes"].append(f"the camera's features were lifted by depth_source={cfg.depth_source}")
     if cut := cut_short(trained.record):
         doc["notes"].append(cut)
     if changes:
@@ -150,7 +159,7 @@ def evaluate_run(cfg: DictConfig) -> None:
     if audit:
         print(f"\n{decoys.as_text(audit)}")
     if audits:
-        sound = target.parent if dataset.reader.faults else None
+        sound = target.parent if changed else None
         with autocast(trained.cfg.trainer.precision):
             auditor = Auditor(
                 target, model, dataset, truth, table, gate=cfg.audit_gate, resamples=cfg.bootstrap, sound=sound
@@ -178,6 +187,16 @@ def evaluate_run(cfg: DictConfig) -> None:
         print(f"wrote {path}: {path.stat().st_size / 1e6:.1f} MB", file=sys.stderr)
     if cfg.report:
         print(f"report: {target / REPORT}", flush=True)
+
+
+def lift_by(model: nn.Module, depth_source: str) -> None:
+    """Has a trained detector's camera lifted by other depths than it learned with, so that what they are worth shows."""
+    check_names("depth_source", [depth_source], DEPTH_SOURCES)
+    cameras = [part for part in model.modules() if isinstance(part, CameraEncoder)]
+    if not cameras:
+        raise ValueError(f"depth_source={depth_source}: this detector has no camera whose features are lifted")
+    for camera in cameras:
+        camera.depth_source = depth_source
 
 
 def evaluate_finished(folder: Path) -> None:

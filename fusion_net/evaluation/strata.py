@@ -48,18 +48,24 @@ class GroupScore:
     mAP: float
     AP: dict[str, float]
     num_gt: dict[str, int]
-    resampled: NDArray[np.float64]  # (R,) mAP on each resample of the scenes
+    resampled: NDArray[np.float64]  # (R,) mAP on each resample of the scenes; NaN on one without a label of the group
 
     def row(self) -> dict[str, Any]:
         """Plain values for a table, with the 95 % interval."""
         return {
             "group": self.name,
             "mAP": self.mAP,
-            "mAP_ci95": interval(self.resampled),
+            "mAP_ci95": known_interval(self.resampled),
             "AP": self.AP,
             "num_gt": self.num_gt,
             "labels": sum(self.num_gt.values()),
         }
+
+
+def known_interval(values: NDArray[np.float64]) -> list[float]:
+    """The 95 % interval of those values (R,) that are known; [0, 0] where none is."""
+    known = values[np.isfinite(values)]
+    return interval(known) if len(known) else [0.0, 0.0]
 
 
 def condition_of(scene: Record, *, by_severity: bool = False) -> str:
@@ -150,7 +156,10 @@ def score_groups(
     for name, matches in zip(grouping.names, group_matches(truth, found, grouping), strict=True):
         there = {truth.classes[k]: match for k, match in enumerate(matches) if match.num_gt.any()}
         ap = {kind: float(truth.metric.average_precision(match).mean()) for kind, match in there.items()}
-        resampled = bootstrap_map(truth.metric, [*there.values()], copies) if there else np.zeros(len(copies))
+        labels = np.sum([match.num_gt for match in matches], axis=0)
+        resampled = np.full(len(copies), np.nan)
+        counted = copies @ labels > 0
+        resampled[counted] = bootstrap_map(truth.metric, [*there.values()], copies[counted]) if there else np.nan
         num_gt = {kind: int(match.num_gt.sum()) for kind, match in there.items()}
         scores.append(GroupScore(name, float(np.mean([*ap.values()])) if ap else 0.0, ap, num_gt, resampled))
     return scores

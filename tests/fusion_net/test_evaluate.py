@@ -121,3 +121,10 @@ def test_an_unknown_audit_and_a_gate_of_nothing_are_refused_before_anything_is_r
     with pytest.raises(ValueError, match="audit_gate=0 must be a finite number of metres above 0"):
         evaluate("audit_gate=0")
     assert not (run / "eval").exists()
+
+
+def test_depths_that_lift_the_camera_are_named_and_need_a_camera(run):
+    with pytest.raises(ValueError, match="unknown depth_source 'oracel'; did you mean 'oracle'"):
+        evaluate("depth_source=oracel")
+    with pytest.raises(ValueError, match="depth_source=oracle: this detector has no camera whose features are lifted"):
+        evaluate("depth_source=oracle")

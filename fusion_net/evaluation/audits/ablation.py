@@ -42,33 +42,40 @@ def audit_ablation(
         " to the mAP of all. Intervals are 95 % over scenes. Share: what would go with a sensor's map to first order,"
         " gradient times activation."
     )
-    score = {subset: row["mAP"] for subset, row in zip(SUBSETS, table.rows, strict=True)}
-    whole = score[SUBSETS[0]]
-    if len(encoders) < 2 or whole <= 0:
+    if len(encoders) < 2 or table.rows[0]["mAP"] <= 0:
         why = "built with one sensor alone" if len(encoders) < 2 else "finds nothing with all sensors"
         return Audit("ablation", title, f"the detector {why}", None, {}, explanation)
-    worth = {name: float(value) for name, value in shapley(score).items()}
+    verdict, ok, figures = judge_subsets(table.rows, encoders)
     spread = shapley(dict(zip(SUBSETS, table.resampled, strict=True)))
-    left = {name: score[tuple(other for other in MODALITIES if other != name)] / whole for name in encoders}
+    for name, value in figures["shapley"].items():
+        value["ci95"] = interval(spread[name])
     numbers = {
         "subsets": [{key: row[key] for key in ("sensors", "mAP", "mAP_ci95", "NDS")} for row in table.rows],
-        "shapley": {
-            name: {"mAP": worth[name], "ci95": interval(spread[name]), "share": worth[name] / whole}
-            for name in encoders
-        },
-        "left_without": left,
+        **figures,
         "influence": {name: dict(values) for name, values in (influence or {}).items()},
         **_boxes(truth, table.tables, encoders),
     }
-    faults = [
-        f"without {STYLES[name].label} {100 * left[name]:.0f} % is left" for name in encoders if left[name] < COLLAPSE
-    ]
+    return Audit("ablation", title, verdict, ok, numbers, explanation)
+
+
+def judge_subsets(rows: Sequence[Mapping[str, Any]], encoders: Sequence[str]) -> tuple[str, bool, dict[str, Any]]:
+    """The verdict in words, whether nothing is wrong, and the Shapley value of each sensor with what is left without it, from
+    the seven ``rows`` of a drop table in the order of SUBSETS."""
+    score = {subset: float(row["mAP"]) for subset, row in zip(SUBSETS, rows, strict=True)}
+    whole = score[SUBSETS[0]]
+    worth = {name: float(value) for name, value in shapley(score).items()}
+    left = {name: score[tuple(other for other in MODALITIES if other != name)] / whole for name in encoders}
+    collapsed = [name for name in encoders if left[name] < COLLAPSE]
+    faults = [f"without {STYLES[name].label} {100 * left[name]:.0f} % is left" for name in collapsed]
     faults += [f"{STYLES[name].label} is ignored" for name in encoders if worth[name] < IGNORED * whole]
     shares = ", ".join(f"{STYLES[name].label} {worth[name]:.3f}" for name in encoders)
     least = min(left, key=lambda name: left[name])
     calm = f"at the least {100 * left[least]:.0f} % is left (without {STYLES[least].label})"
-    verdict = f"of mAP {whole:.3f} {shares} (Shapley); {'; '.join(faults) or calm}"
-    return Audit("ablation", title, verdict, not faults, numbers, explanation)
+    figures = {
+        "shapley": {name: {"mAP": worth[name], "share": worth[name] / whole} for name in encoders},
+        "left_without": left,
+    }
+    return f"of mAP {whole:.3f} {shares} (Shapley); {'; '.join(faults) or calm}", not faults, figures
 
 
 def label_scores(truth: GroundTruth, found: SampleBoxes) -> NDArray[np.float64]:

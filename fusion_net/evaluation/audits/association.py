@@ -104,22 +104,27 @@ def audit_association(
             for a, b, own_a, own_b in zip(kept[one], kept[other], identity[one], identity[other], strict=True):
                 counts += [count_pairs(associate(a, b, each), own_a, own_b) for each in gates]
             numbers["pairs"].append(_pair(one, other, counts, gates))
-    judged = [pair for pair in numbers["pairs"] if pair["shared"] >= FEWEST]
-    if not judged:
+    if not any(pair["shared"] >= FEWEST for pair in numbers["pairs"]):
         return Audit("association", title, "too few objects that two sensors have", None, numbers, explanation)
-    place, faults, texts = gates.index(float(gate)), [], []
-    for pair in judged:
+    verdict, ok = judge_gate(numbers, gate)
+    return Audit("association", title, verdict, ok, numbers, explanation)
+
+
+def judge_gate(numbers: Mapping[str, Any], gate: float) -> tuple[str, bool]:
+    """The verdict in words on one of the ``gates`` that an audit's ``numbers`` hold, and whether nothing is wrong with it."""
+    place, unit = numbers["gates"].index(float(gate)), numbers["unit"]
+    faults, texts = [], []
+    for pair in (pair for pair in numbers["pairs"] if pair["shared"] >= FEWEST):
         shared, gain = pair["shared"], np.array(pair["right"]) - np.array(pair["wrong"])
         name = "+".join(STYLES[sensor].letter for sensor in pair["sensors"])
         loss = (gain.max() - gain[place]) / shared
-        texts.append(
-            f"{name} {100 * pair['right'][place] / shared:.0f} % right, {100 * pair['wrong'][place] / shared:.0f} % wrong"
-            f" merges, {100 * pair['split'][place] / shared:.0f} % split"
-        )
+        right, wrong, split = (100 * pair[kind][place] / shared for kind in ("right", "wrong", "split"))
+        texts.append(f"{name} {right:.0f} % right, {wrong:.0f} % wrong merges, {split:.0f} % split")
         if loss > WORST_LOSS or gain[place] < shared / 2:
             faults.append(f"{name}: best at {pair['best']:g} {unit}" if loss > WORST_LOSS else f"{name}: no gate does")
-    verdict = f"at a gate of {gate:g} {unit} {'; '.join(texts)}" + (f" ({', '.join(faults)})" if faults else "")
-    return Audit("association", title, verdict, not faults, numbers, explanation)
+    return f"at a gate of {gate:g} {unit} {'; '.join(texts)}" + (
+        f" ({', '.join(faults)})" if faults else ""
+    ), not faults
 
 
 def _pair(one: str, other: str, counts: NDArray[np.int64], gates: Sequence[float]) -> dict[str, Any]:

@@ -8,10 +8,9 @@ from numpy.typing import NDArray
 
 from fusion_net.common.modalities import STYLES
 from fusion_net.evaluation.audits.result import Audit
-from fusion_net.evaluation.bootstrap import interval
 from fusion_net.evaluation.drop_table import SUBSETS
 from fusion_net.evaluation.scoring import GroundTruth
-from fusion_net.evaluation.strata import GroupScore, by_condition, by_range, by_visibility, score_groups
+from fusion_net.evaluation.strata import GroupScore, by_condition, by_range, by_visibility, known_interval, score_groups
 from fusion_net.metrics.sample_boxes import SampleBoxes
 from fusion_net.nuscenes.nuscenes import NuScenes
 
@@ -60,7 +59,7 @@ def audit_conditions(
     harmful = [each for each in _harm(scored["condition"]) if each["condition"] in judged]
     numbers |= {"left": left, "harm": harmful}
     kept = judged[worst].resampled / np.maximum(judged["clear"].resampled, 1e-9)
-    low, high = interval(kept)
+    low, high = known_interval(kept)
     clear, worse = judged["clear"], judged[worst]
     text = (
         f"worst in {_words(worst)}: mAP {worse.mAP:.3f}, {100 * left[worst]:.0f} % [{100 * low:.0f}, {100 * high:.0f}]"
@@ -74,7 +73,7 @@ def audit_conditions(
 
 
 def _row(subset: Sequence[str], score: GroupScore) -> dict[str, Any]:
-    return {"sensors": list(subset), "mAP": score.mAP, "mAP_ci95": interval(score.resampled), "AP": score.AP}
+    return {"sensors": list(subset), "mAP": score.mAP, "mAP_ci95": known_interval(score.resampled), "AP": score.AP}
 
 
 def _words(name: str) -> str:
@@ -87,7 +86,7 @@ def _harm(scores: Sequence[Sequence[GroupScore]]) -> list[dict[str, Any]]:
     for subset, by_group in zip(SUBSETS[1:4], scores[1:4], strict=True):
         (without,) = set(SUBSETS[0]) - set(subset)
         for part, whole in zip(by_group, scores[0], strict=True):
-            ends = interval(part.resampled - whole.resampled)
+            ends = known_interval(part.resampled - whole.resampled)
             if part.mAP - whole.mAP > HARM and ends[0] > 0:
                 found.append(
                     {"condition": part.name, "without": without, "difference": part.mAP - whole.mAP, "ci95": ends}

@@ -11,9 +11,10 @@ from fusion_net.models.fusion_net import FusionNet
 
 
 def influence(model: FusionNet, batches: Iterable[Batch]) -> dict[str, dict[str, float]]:
-    """Of each encoder, over all cells of its maps: the root mean square of the ``activation``, that of the ``gradient`` of the
-    detection losses in it, and the ``share`` of all sensors' sum of abs(activation x gradient), which says how much of the
-    prediction would go with the map, to first order (Simonyan et al. 2014, arXiv 1312.6034). Weights are not changed."""
+    """Of each encoder, over all cells of its maps: the root mean square of the ``activation``; that of the ``gradient`` of the
+    detection losses there, as a share of all encoders' sum; and the ``share`` of all sensors' sum of abs(activation x
+    gradient), which says how much of the prediction would go with the map, to first order (Simonyan et al. 2014, arXiv
+    1312.6034). Weights are not changed."""
     sums = {name: torch.zeros(3, dtype=torch.float64) for name in model.encoders}
     count = dict.fromkeys(model.encoders, 0)
     for batch in batches:
@@ -23,11 +24,13 @@ def influence(model: FusionNet, batches: Iterable[Batch]) -> dict[str, dict[str,
                 [value.square().sum(), gradient.square().sum(), (value * gradient).abs().sum()]
             ).cpu()
             count[name] += value.numel()
+    square = {name: (total / max(count[name], 1)).sqrt() for name, total in sums.items()}
+    gradients = max(sum(float(mean[1]) for mean in square.values()), 1e-30)
     whole = max(sum(float(total[2]) for total in sums.values()), 1e-30)
     return {
         name: {
-            "activation": float((total[0] / max(count[name], 1)).sqrt()),
-            "gradient": float((total[1] / max(count[name], 1)).sqrt()),
+            "activation": float(square[name][0]),
+            "gradient": float(square[name][1]) / gradients,
             "share": float(total[2]) / whole,
         }
         for name, total in sums.items()

@@ -16,6 +16,8 @@ from fusion_net.models.encoders.image_network import ImageNetwork
 from fusion_net.models.encoders.point_scores import point_scores
 from fusion_net.models.encoders.view_transforms import ViewTransform, ego_points
 
+DEPTH_SOURCES = ("learned", "uniform", "lidar", "oracle")
+
 
 @beartype
 class CameraEncoder(nn.Module):
@@ -43,7 +45,8 @@ class CameraEncoder(nn.Module):
             if ours != theirs:
                 raise ValueError(f"camera encoder: the image network has {name}={ours}, the view transform {theirs}")
         self.image_network, self.view_transform = image_network, view_transform
-        self.channels, self.depth_source, self.lift_class_scores = channels, depth_source, lift_class_scores
+        self.channels, self.lift_class_scores = channels, lift_class_scores
+        self.depth_source: str = depth_source
         classes = image_network.classes
         lifted = image_network.features + (classes + 1 if lift_class_scores else 0)
         # The terms of one sum: 1x1 convolutions of the maps that are made, as far as possible before they are maps.

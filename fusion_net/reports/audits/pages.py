@@ -4,14 +4,11 @@ import json
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from fusion_net.common.atomic import replacing
 from fusion_net.evaluation.audits.result import Audit
 from fusion_net.reports.audits.plots import draw
-from fusion_net.reports.run_result import rounded
+from fusion_net.reports.run_result import rounded, write_result
 
-FOLDER, PAGE = "audits", "audits.md"
+FOLDER, PAGE, OVERLAY = "audits", "audits.md", "overlay.jpg"
 
 
 def write_audit(folder: Path, audit: Audit) -> None:
@@ -31,8 +28,7 @@ def write_audit(folder: Path, audit: Audit) -> None:
         "picture": picture,
         "explanation": audit.explanation,
     }
-    with replacing(target / f"{audit.name}.json") as file:
-        file.write((json.dumps(doc, indent=1, allow_nan=False, default=_plain) + "\n").encode())
+    write_result(target / f"{audit.name}.json", doc)
 
 
 def read_audits(folder: Path) -> list[dict[str, Any]]:
@@ -55,11 +51,7 @@ def write_page(folder: Path) -> None:
         said = "not judged" if doc["ok"] is None else "ok" if doc["ok"] else "**wrong**"
         lines += [f"## {doc['title']}", "", f"{said}: {doc['verdict']}", ""]
         lines += [f"![{doc['name']}]({FOLDER}/{doc['picture']})", ""] if doc["picture"] else []
+        if doc["name"] == "calibration" and (folder / FOLDER / OVERLAY).exists():
+            lines += [f"![overlay]({FOLDER}/{OVERLAY})", ""]
         lines += [doc["explanation"], ""]
     (folder / PAGE).write_text("\n".join(lines), encoding="utf-8")
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, np.generic | np.ndarray):
-        return value.tolist()
-    raise TypeError(f"{type(value).__name__} in an audit's numbers")

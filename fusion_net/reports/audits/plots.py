@@ -65,7 +65,7 @@ def _calibration(figure: Figure, numbers: Numbers) -> None:
 
 
 def _depth(figure: Figure, numbers: Numbers) -> None:
-    """Found against true depth of the visible objects; abs-rel and entropy by range and condition."""
+    """Found against true depth of the visible objects; share of cells that are off, and entropy, by range and condition."""
     scatter, bars = figure.subplots(1, 2, width_ratios=(1, 1.6))
     depths = np.array(numbers["objects"]["depths"]).reshape(-1, 2)
     scatter.plot(*depths.T, ".", color="#22577a", markersize=3, alpha=0.5)
@@ -81,7 +81,8 @@ def _depth(figure: Figure, numbers: Numbers) -> None:
     )
     groups = {"all": numbers["all"], **numbers["groups"]}
     place = np.arange(len(groups))
-    bars.bar(place - 0.2, [group["abs_rel"] for group in groups.values()], 0.38, color="#22577a", label="abs-rel")
+    off = [1 - group["within_1.25^1"] for group in groups.values()]
+    bars.bar(place - 0.2, off, 0.38, color="#22577a", label="share of cells that are off by more than 1.25")
     bars.bar(
         place + 0.2, [group["entropy"] for group in groups.values()], 0.38, color="#c7a252",
         label="entropy, of no knowledge",
@@ -138,7 +139,7 @@ def _conditions(figure: Figure, numbers: Numbers) -> None:
         names = [f"{group['group'].replace('_', ' ')}\n{group['labels']}" for group in groups]
         axes.set_xticks(place, names, rotation=35)
         _named(axes, f"by {kind}; below: labels", "", "mAP" if kind == kinds[0] else "")
-    figure.axes[0].legend(frameon=False, fontsize=7, ncols=4)
+    figure.axes[-1].legend(frameon=False, fontsize=7, ncols=2, loc="upper left")
 
 
 def _association(figure: Figure, numbers: Numbers) -> None:

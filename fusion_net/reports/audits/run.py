@@ -22,6 +22,7 @@ from fusion_net.evaluation.audits.calibration import audit_calibration
 from fusion_net.evaluation.audits.conditions import audit_conditions
 from fusion_net.evaluation.audits.depth import audit_depth, read_depths
 from fusion_net.evaluation.audits.influence import influence
+from fusion_net.evaluation.audits.response import responses
 from fusion_net.evaluation.audits.result import Audit
 from fusion_net.evaluation.bootstrap import resample_scenes
 from fusion_net.evaluation.decoys import best_f1_score
@@ -30,12 +31,12 @@ from fusion_net.evaluation.scoring import GroundTruth
 from fusion_net.evaluation.strata import condition_of
 from fusion_net.models.encoders.camera_encoder import CameraEncoder
 from fusion_net.models.fusion_net import FusionNet
-from fusion_net.reports.audits.pages import FOLDER, write_audit, write_page
+from fusion_net.reports.audits.pages import FOLDER, OVERLAY, write_audit, write_page
 from fusion_net.viz.overlay import measure_overlay, overlay_picture
 
 AUDITS = ("calibration", "depth", "ablation", "conditions", "association")
-OVERLAYS, LISTENED, LOOKED = 24, 64, 160
-"""Samples, spread over the split, of the overlay, of the gradients, and of the depths."""
+OVERLAYS, LISTENED, PROBED, LOOKED = 24, 64, 80, 160
+"""Samples, spread over the split, of the overlay, of the gradients, of the responses, and of the depths."""
 
 
 def chosen_audits(audits: str | Sequence[str]) -> tuple[str, ...]:
@@ -85,22 +86,29 @@ class Auditor:
         return audits
 
     def calibration(self) -> Audit:
-        """The overlay is also drawn, as ``audits/overlay.jpg``."""
+        """The overlay is also drawn, beside the audit's picture."""
         overlay = None
         places = self._places(OVERLAYS)
         if {"camera", "lidar"} <= set(self.sensors):
             overlay = measure_overlay(self.dataset, places)
             (self.folder / FOLDER).mkdir(parents=True, exist_ok=True)
             picture = overlay_picture(self.dataset, places[0])
-            cv2.imwrite(str(self.folder / FOLDER / "overlay.jpg"), picture[..., ::-1])
-        boxes = {name: self._alone(name) for name in self.sensors}
-        return audit_calibration(boxes, self.copies[:50], overlay=overlay, usual=self._usual())
+            cv2.imwrite(str(self.folder / FOLDER / OVERLAY), picture[..., ::-1])
+        views = {name: self._alone(name) for name in self.sensors}
+        follow = responses(self.model, self._batches(PROBED), self.sensors)
+        return audit_calibration(views, self.copies[:50], overlay=overlay, usual=self._usual(), responses=follow)
+
+    @property
+    def _camera(self) -> CameraEncoder | None:
+        """The model's camera encoder, in whichever of its parts it is."""
+        if "camera" not in self.sensors:
+            return None
+        return next((part for part in self.model.modules() if isinstance(part, CameraEncoder)), None)
 
     def depth(self) -> Audit:
         """Of models with a camera encoder."""
-        camera = next((part for part in self.model.modules() if isinstance(part, CameraEncoder)), None)
         condition = {token: condition_of(nusc.scene(token)) for nusc, token in self.dataset.index}
-        cells, objects = read_depths(camera, self._batches(LOOKED) if camera else ())
+        cells, objects = read_depths(self._camera, self._batches(LOOKED))
         return audit_depth(cells, objects, condition=condition, classes=self.truth.classes)
 
     def ablation(self) -> Audit:

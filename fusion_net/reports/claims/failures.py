@@ -2,9 +2,13 @@
 
 from dataclasses import dataclass
 
-from fusion_net.reports.claims.claim import OPEN, Claim, verdict
+from fusion_net.evaluation.audits.ablation import judge_subsets
+from fusion_net.evaluation.audits.association import judge_gate
+from fusion_net.reports.claims.claim import OPEN, Claim, not_measured, verdict
 from fusion_net.reports.claims.results import DEMO, Results
 
+WIDE_GATE = 12
+"""Metres."""
 FAULTS = "faults"
 """Folder of the audits of provoked failures, one folder each."""
 
@@ -29,14 +33,14 @@ FAILURES = (
     Failure(
         "Failure 2, wrong range: the audit of depth against LiDAR catches a camera that knows no depth",
         "depth",
-        "no_depth_supervision",
-        "python train.py name=no_depth depth_supervision=none, then eval.py run=runs/no_depth audits=depth",
+        "depth_uniform",
+        "python eval.py run=runs/demo audits=depth depth_source=uniform",
     ),
     Failure(
         "Failure 3, imbalance: the per-modality ablation catches a network that collapses without one sensor",
         "ablation",
-        "no_dropout",
-        "python train.py name=no_dropout modality_dropout=0, then eval.py run=runs/no_dropout audits=ablation",
+        "depth_x_dropout",
+        "python train.py name=no_dropout modality_dropout=0 evaluate=true; python eval.py run=runs/no_dropout audits=ablation",
     ),
     Failure(
         "Failure 4, domain shift: the evaluation per condition catches what the average hides",
@@ -47,26 +51,60 @@ FAILURES = (
     Failure(
         "Failure 5, mis-association: the association audit catches a gate that merges different objects",
         "association",
-        "gate_12",
-        "python eval.py run=runs/demo audits=association audit_gate=12",
+        DEMO,
+        f"python eval.py run=runs/demo audits=association audit_gate={WIDE_GATE}",
     ),
 )
 
 
 def claims(results: Results) -> list[Claim]:
     """All five; the audit of the sound run must stay silent where the failure is one that it does not have."""
-    return [_claim(results, failure) for failure in FAILURES]
+    own = {"ablation": _imbalance, "association": _association}
+    return [own[failure.audit](results) if failure.audit in own else _claim(results, failure) for failure in FAILURES]
 
 
 def _claim(results: Results, failure: Failure) -> Claim:
     folder = failure.folder if failure.folder == DEMO else f"{FAULTS}/{failure.folder}"
     audit, sound = results.audit(failure.audit, of=folder), results.audit(failure.audit)
     if audit is None:
-        path = results.shown(folder, "audits", f"{failure.audit}.json")
-        return Claim(failure.text, failure.command, f"`{path}` is not there", OPEN)
+        return not_measured(failure.text, failure.command, results.shown(folder, "audits", f"{failure.audit}.json"))
     if audit["ok"] is None:
         return Claim(failure.text, failure.command, audit["verdict"], OPEN)
     if failure.folder == DEMO or sound is None:
         return Claim(failure.text, failure.command, audit["verdict"], verdict(not audit["ok"]))
-    silent = f"the sound run: {'ok' if sound['ok'] else 'wrong'}, {sound['verdict']}"
+    silent = f"The sound run: {'ok' if sound['ok'] else 'wrong'}: {sound['verdict']}"
     return Claim(failure.text, failure.command, audit["verdict"], verdict(not audit["ok"], bool(sound["ok"])), silent)
+
+
+def _imbalance(results: Results) -> Claim:
+    """The audit's rule on the drop tables of the ablation's runs without dropout, and of the default run."""
+    failure = FAILURES[2]
+    folder = results.root / "runs" / failure.folder
+    tables = [
+        results.read("runs", failure.folder, path.name) for path in sorted(folder.glob("*modality_dropout-0.0*.json"))
+    ]
+    sound = results.read(DEMO, "result.json")
+    if not tables or sound is None:
+        missing = ("runs", failure.folder) if not tables else (DEMO, "result.json")
+        return not_measured(failure.text, failure.command, results.shown(*missing))
+    caught = [judge_subsets(table["rows"], table["encoders"]) for table in tables]
+    said, ok, _ = judge_subsets(sound["rows"], sound["encoders"])
+    wrong = [words for words, fine, _ in caught if not fine]
+    return Claim(
+        failure.text,
+        failure.command,
+        f"caught in {len(wrong)} of {len(caught)} runs without dropout; the first: {caught[0][0]}",
+        verdict(len(wrong) == len(caught), ok),
+        f"The default run: {'ok' if ok else 'wrong'}: {said}",
+    )
+
+
+def _association(results: Results) -> Claim:
+    """The audit's rule on a gate that is too wide and on the default one: its file holds the counts of all gates."""
+    failure = FAILURES[4]
+    audit = results.audit(failure.audit)
+    if audit is None:
+        return not_measured(failure.text, failure.command, results.shown(DEMO, "audits", f"{failure.audit}.json"))
+    said, ok = judge_gate(audit["numbers"], WIDE_GATE)
+    sound = f"The default gate: {'ok' if audit['ok'] else 'wrong'}: {audit['verdict']}"
+    return Claim(failure.text, failure.command, said, verdict(not ok, bool(audit["ok"])), sound)

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from fusion_net.reports.claims.claim import Claim, not_measured, verdict
+from fusion_net.reports.claims.claim import PARTLY, UNDECIDED, Claim, not_measured, verdict
 from fusion_net.reports.claims.results import DEMO, Results, with_interval
 
 EVAL = "python eval.py run=runs/demo audits=all"
@@ -115,16 +115,29 @@ def _of_the_weather(results: Results) -> list[Claim]:
 def _weather(audit: dict[str, Any], text: str, sensor: str, names: Sequence[str], works: bool) -> Claim:
     groups = {group["group"]: group for group in audit["numbers"]["condition"]}
     clear = _alone(groups["clear"], sensor)
-    shares, cells, labels = [], [], []
-    names = [name for name in names if name in groups]
-    for name in names:
+    asked = (SAME if works else HARMED) * clear["mAP"]
+    judged, cells, shares = [], [], []
+    for name in (name for name in names if name in groups):
         row = _alone(groups[name], sensor)
-        shares.append(row["mAP"] / max(clear["mAP"], 1e-9))
-        cells.append(f"{name} {with_interval(row)}")
-        labels.append(f"{groups[name]['labels']} {name}")
-    holds = [share >= SAME if works else share <= HARMED for share in shares]
-    measured = f"mAP alone: clear {with_interval(clear)}, {', '.join(cells)}; one seed; labels: {', '.join(labels)}"
-    return Claim(text, WEATHER, measured, verdict(*holds), _why(works, shares, names))
+        low, high = row["mAP_ci95"]
+        is_above = True if low >= asked else False if high < asked else None
+        judged.append(is_above if is_above is None else is_above == works)
+        cells.append(f"{name} {with_interval(row)} ({groups[name]['labels']} labels)")
+        shares.append(f"{100 * row['mAP'] / max(clear['mAP'], 1e-9):.0f} % in {name}")
+    measured = (
+        f"mAP alone: clear {with_interval(clear)} ({groups['clear']['labels']} labels), {', '.join(cells)}; one seed"
+    )
+    rule = f"at least {100 * SAME:.0f} %" if works else f"less than {100 * HARMED:.0f} %"
+    why = f"Left of the clear mAP: {', '.join(shares)}; asked for: {rule}, beyond the interval. Scenes and classes differ."
+    return Claim(text, WEATHER, measured, _open_verdict(judged), why)
+
+
+def _open_verdict(judged: Sequence[bool | None]) -> str:
+    """As :func:`verdict`, of parts that may be undecided."""
+    known = [part for part in judged if part is not None]
+    if not known:
+        return UNDECIDED
+    return verdict(*known) if len(known) == len(judged) else PARTLY if any(known) else UNDECIDED
 
 
 def _alone(group: dict[str, Any], sensor: str) -> dict[str, Any]:
@@ -132,10 +145,3 @@ def _alone(group: dict[str, Any], sensor: str) -> dict[str, Any]:
         row for row in group["rows"] if [name[0].upper() for name in row["sensors"]] == [LETTER[sensor]]
     )
     return row
-
-
-def _why(works: bool, shares: Sequence[float], names: Sequence[str]) -> str:
-    """How much is left, and what is called failing."""
-    left = ", ".join(f"{100 * share:.0f} % in {name}" for share, name in zip(shares, names, strict=True))
-    rule = f"at least {100 * SAME:.0f} %" if works else f"at most {100 * HARMED:.0f} %"
-    return f"Left of the clear mAP: {left}; asked for: {rule}."

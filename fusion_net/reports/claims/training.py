@@ -86,8 +86,8 @@ def claims(results: Results) -> list[Claim]:
             COMMAND,
             f"mAP {table.by_dropout('C+L+R', 'C+R', 'L')}",
             verdict(left["C+R"] < 1 / 3, left["L"] > 0.8),
-            f"Without the LiDAR {100 * left['C+R']:.0f} % is left, so it collapses; but the LiDAR alone has"
-            f" {100 * left['L']:.0f} %: it leans on the sensors' presence together, not on one of them.",
+            f"Without the LiDAR {100 * left['C+R']:.0f} % is left, the LiDAR alone has {100 * left['L']:.0f} %. If it leaned on"
+            " the LiDAR only, that would have nearly all of it: such a network needs what it was trained with, together.",
         ),
         Claim(great, COMMAND, f"mAP {table.by_dropout('C+L+R')}", verdict(whole[0.0] >= whole[0.3])),
         Claim(graceful, COMMAND, f"mAP {table.by_dropout('L+R', 'C+L', 'C+R', 'L', 'C')}", verdict(*better)),

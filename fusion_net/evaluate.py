@@ -189,7 +189,7 @@ def _write_predictions(target: Path, model: FusionNet, batches: DataLoader, trut
 
 def _honesty(model: FusionNet | LateFusion, batches: DataLoader, truth: GroundTruth) -> dict[str, Any] | None:
     """How honest the covariances of late fusion are; None of another model."""
-    return late_calibration.report(model, batches, classes=truth.classes) if isinstance(model, LateFusion) else None
+    return late_calibration.report(model, batches, truth) if isinstance(model, LateFusion) else None
 
 
 def _no_labels(dataset: NuScenesDataset) -> str:

@@ -10,13 +10,16 @@ from numpy.typing import NDArray
 
 from fusion_net.common.boxes import Boxes
 from fusion_net.data.batch import Batch
+from fusion_net.evaluation.scoring import GroundTruth, score
+from fusion_net.metrics.matching import TP_ERRORS
 from fusion_net.models.late.association import match_to_labels
 from fusion_net.models.late.calibration import consistency, fit_scales
 from fusion_net.models.late.covariance import along_and_across, ray_variance
 from fusion_net.models.late.estimates import Estimates
+from fusion_net.models.late.fuse import ASSOCIATIONS
 from fusion_net.models.late.late_fusion import LateFusion
 from fusion_net.models.late.merging import MERGES
-from fusion_net.models.late.scores import fit_platt
+from fusion_net.models.late.scores import SCORES, fit_platt
 from fusion_net.models.late.sensor_calibration import MATCH_DISTANCE, SensorCalibration
 
 HIT_DISTANCE = 2.0
@@ -44,16 +47,14 @@ class Judged:
         return self.estimates.boxes.velocity - self.velocity
 
 
-Lists = Sequence[Mapping[str, Estimates]]
-
-
 @torch.inference_mode()
-def gather(model: LateFusion, batches: Iterable[Batch]) -> tuple[Lists, list[Boxes]]:
-    """Each detector's estimates, with the labels that they took, and the labels, sample by sample, all sensors present."""
-    lists: list[Mapping[str, Estimates]] = []
+def gather(model: LateFusion, batches: Iterable[Batch]) -> tuple[dict[str, Mapping[str, Estimates]], list[Boxes]]:
+    """By token each detector's estimates, with the labels that they took, and the labels in the same order. No sensor is
+    dropped."""
+    lists: dict[str, Mapping[str, Estimates]] = {}
     labels: list[Boxes] = []
     for batch in batches:
-        lists += model.estimates(model(batch), with_truth=True)
+        lists |= zip(batch.tokens, model.estimates(model(batch), with_truth=True), strict=True)
         labels += batch.boxes
     return lists, labels
 
@@ -80,7 +81,7 @@ def calibrate(model: LateFusion, batches: Iterable[Batch]) -> None:
     lists, labels = gather(model, batches)
     hits, boxes = 0, 0
     for name, calibration in _calibrations(model).items():
-        judged = judge([each[name] for each in lists], labels)
+        judged = judge([each[name] for each in lists.values()], labels)
         found = judged.estimates.boxes
         hit = np.linalg.norm(judged.error, axis=1) < HIT_DISTANCE  # NaN is none
         platt = fit_platt(found.score, hit)
@@ -96,18 +97,34 @@ def calibrate(model: LateFusion, batches: Iterable[Batch]) -> None:
     model.prior.fill_(hits / boxes if hits else 0.5)
 
 
-def report(model: LateFusion, batches: Iterable[Batch], *, classes: Sequence[str]) -> dict[str, Any]:
+def report(model: LateFusion, batches: Iterable[Batch], truth: GroundTruth) -> dict[str, Any]:
     """What ``late_calibration.json`` holds of these samples: ``rows`` by detector, and by merging rule for the boxes that
-    several detectors share, over all ranges and by range; ``calibration``: the factors that they rest on. Boxes are matched
-    with labels as the metric does, within 4 m, and no other gate cuts the errors off."""
+    several detectors share, over all ranges and by range; ``rules``: what each rule is worth; ``calibration``: the factors that
+    all rests on. Boxes are matched with labels as the metric does, within 4 m, and no other gate cuts the errors off."""
     lists, labels = gather(model, batches)
     rows: list[dict[str, Any]] = []
     for name in model.detectors:
-        rows += _rows(name, judge([each[name] for each in lists], labels), model.min_probability)
+        rows += _rows(name, judge([each[name] for each in lists.values()], labels), model.min_probability)
     for merge in MERGES if len(model.detectors) > 1 else ():
-        fused = [_merged(model.fuse(each, merge=merge), boxes) for each, boxes in zip(lists, labels, strict=True)]
+        pairs = zip(lists.values(), labels, strict=True)
+        fused = [_merged(model.fuse(each, merge=merge), boxes) for each, boxes in pairs]
         rows += _rows(merge, judge(fused, labels), model.min_probability)
-    return {"samples": len(labels), "rows": rows, "calibration": _factors(model, classes), "prior": float(model.prior)}
+    factors = _factors(model, truth.classes)
+    return {"samples": len(labels), "rows": rows, "rules": rules(model, lists, truth), "calibration": factors}
+
+
+def rules(model: LateFusion, lists: Mapping[str, Mapping[str, Estimates]], truth: GroundTruth) -> list[dict[str, Any]]:
+    """What each rule is worth: mAP, NDS, mATE and mAVE of all sensors, under the model's own rules, then under all but one."""
+    own: dict[str, Any] = {"association": model.association, "merge": model.merge, "score": model.score}
+    others: dict[str, tuple[str, ...]] = {"association": ASSOCIATIONS, "merge": MERGES, "score": SCORES}
+    every = [own, *(own | {key: value} for key, values in others.items() for value in values if value != own[key])]
+    rows = []
+    for chosen in every:
+        result = score(truth, [model.fuse(lists[token], **chosen).boxes for token in truth.tokens])
+        errors = dict(zip(TP_ERRORS, result.mean_errors, strict=True))
+        figures = {"mAP": result.mAP, "NDS": result.NDS, "mATE": errors["mATE"], "mAVE": errors["mAVE"]}
+        rows.append(chosen | {key: None if np.isnan(value) else float(value) for key, value in figures.items()})
+    return rows
 
 
 def _merged(fused: Estimates, labels: Boxes) -> Estimates:

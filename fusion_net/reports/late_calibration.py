@@ -12,6 +12,7 @@ NOTES = (
     " errors within the ellipse that should hold 95 %. NLL in nats. No gate but the 4 m within which boxes match labels.",
     "The rules below the sensors: boxes that several detectors share, merged by each rule. sigma: mean standard deviation that"
     " the covariances claim along and across the ray, metres.",
+    "The rules of the model in the first row of the second table, then all of them but one; all sensors present.",
     f"Factors are on the head's variances, fitted on training scenes that were kept from training; a class with fewer than"
     f" {LEAST_MATCHES} matches there has the factors of all classes together.",
 )
@@ -24,10 +25,11 @@ def write(folder: Path, doc: dict[str, Any]) -> None:
 
 
 def as_markdown(doc: dict[str, Any]) -> str:
-    """Both tables, and what they mean."""
+    """The three tables, and what they mean."""
     notes = [f"* {note}" for note in NOTES]
     title = f"Covariances of late fusion against the labels of {doc['samples']} samples"
-    return "\n".join([title, "", *piped(_consistency(doc)), "", *piped(_factors(doc)), "", *notes]) + "\n"
+    tables = (piped(table) for table in (_consistency(doc), _rules(doc), _factors(doc)))
+    return "\n".join([title, *(line for table in tables for line in ("", *table)), "", *notes]) + "\n"
 
 
 def _consistency(doc: dict[str, Any]) -> list[list[str]]:
@@ -47,6 +49,14 @@ def _consistency(doc: dict[str, Any]) -> list[list[str]]:
 
 def _range(low: float, high: float | None) -> str:
     return "all" if high is None else f"{low:g} to {high:g}"
+
+
+def _rules(doc: dict[str, Any]) -> list[list[str]]:
+    head = ["association", "merge", "score", "mAP", "NDS", "mATE m", "mAVE m/s"]
+    keys, figures = ("association", "merge", "score"), ("mAP", "NDS", "mATE", "mAVE")
+    return [head] + [
+        [*(row[key].replace("_", " ") for key in keys), *(number(row[key]) for key in figures)] for row in doc["rules"]
+    ]
 
 
 def _factors(doc: dict[str, Any]) -> list[list[str]]:

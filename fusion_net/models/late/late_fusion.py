@@ -172,10 +172,18 @@ class LateFusion(nn.Module):
                     lists[b][name] = calibration.estimates(boxes, outputs.labels[b] if with_truth else None)
         return lists
 
-    def fuse(self, lists: Mapping[str, Estimates], *, merge: Merge | None = None) -> Estimates:
-        """One list of one sample's estimates by sensor, best first."""
-        pair = partial(partners, association=self.association, gate=self.gate, min_probability=self.min_probability)
-        return fuse(lists, pair, merge=merge or self.merge, score=self.score, prior=float(self.prior))
+    def fuse(
+        self,
+        lists: Mapping[str, Estimates],
+        *,
+        association: Association | None = None,
+        merge: Merge | None = None,
+        score: Score | None = None,
+    ) -> Estimates:
+        """One list of one sample's estimates by sensor, best first, by the model's rules where no others are given."""
+        association = association or self.association
+        pair = partial(partners, association=association, gate=self.gate, min_probability=self.min_probability)
+        return fuse(lists, pair, merge=merge or self.merge, score=score or self.score, prior=float(self.prior))
 
     def decode(self, outputs: LateOutputs) -> list[Boxes]:
         """Boxes of each sample in the ego frame, best first."""

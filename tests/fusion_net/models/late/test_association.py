@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fusion_net.common.boxes import Boxes
@@ -64,6 +64,7 @@ points = st.lists(st.tuples(st.floats(0, 30), st.floats(-10, 10)), min_size=1, m
 
 
 @given(points, points, st.randoms(use_true_random=False))
+@settings(max_examples=30, deadline=None)
 def test_the_order_of_either_list_and_of_the_lists_does_not_matter(first, second, random):
     """Ties aside: coordinates are made distinct."""
     a = np.array(first) + 1e-3 * np.arange(len(first))[:, None]

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import minimize_scalar
 
@@ -93,6 +93,16 @@ def test_omega_is_the_one_of_the_closed_form():
     np.testing.assert_allclose(found, w * X + (1 - w) * Y, rtol=1e-4, atol=1e-4)
 
 
+def test_stone_soup_merges_the_same():
+    """``CovarianceIntersection.merge_components`` of stonesoup 1.9.1 with the weights under which its own determinant is least.
+    Computed once: it would bring 80 MB into the environment, most of it plotly."""
+    mean, cov = covariance_intersection(
+        [30.0, 2.0], [[2.25, 0.3], [0.3, 0.09]], [30.4, 1.8], [[0.04, -0.02], [-0.02, 0.16]]
+    )
+    np.testing.assert_allclose(mean, [30.375012941, 1.944092996], atol=1e-6)
+    np.testing.assert_allclose(cov, [[0.053034009, -0.007906321], [-0.007906321, 0.095770286]], atol=1e-6)
+
+
 def test_states_of_four_dimensions_too_as_scipy_finds_them():
     rng = np.random.default_rng(1)
     A, B = random_cov(rng, 5, d=4), random_cov(rng, 5, d=4)
@@ -116,6 +126,7 @@ def test_states_of_four_dimensions_too_as_scipy_finds_them():
 
 @pytest.mark.parametrize("merge", MERGES)
 @given(seed=st.integers(0, 1000))
+@settings(max_examples=15, deadline=None)
 def test_every_rule_is_symmetric_moves_with_its_input_and_gains_nothing_from_one_estimate_alone(merge, seed):
     rule, rng = MERGING[merge], np.random.default_rng(seed)
     A, B = random_cov(rng, 3), random_cov(rng, 3)

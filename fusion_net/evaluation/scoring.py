@@ -45,8 +45,9 @@ class GroundTruth:
         self.metric, self.official_metric = DetectionMetric(classes=self.classes), DetectionMetric()
         self._filter = BoxFilter(self.global_T_ego[:, :2, 3], [nusc.racks(token) for nusc, token in samples])
         everything = labelled([nusc.annotations(token, CLASSES) for nusc, token in samples])
-        self.labels = self._on_grid(everything.relabel(CLASSES, self.classes))
-        self.official_labels = everything[self._filter(everything, self.official_metric)]
+        labels = everything.relabel(CLASSES, self.classes)
+        self.labels = labels[self.counts(labels)]
+        self.official_labels = everything[self.counts_officially(everything)]
 
     def table(self, found: Sequence[Boxes]) -> SampleBoxes:
         """Predictions in the ego frame, one entry a token, as one table in the global frame: what a result file holds."""
@@ -54,23 +55,27 @@ class GroundTruth:
 
     def matches(self, found: SampleBoxes) -> list[ClassMatches]:
         """Who takes whom, over the configured classes."""
-        return self.metric.match(self.labels, self._on_grid(found), len(self.tokens))
+        return self.metric.match(self.labels, found[self.counts(found)], len(self.tokens))
 
     def official_matches(self, found: SampleBoxes) -> list[ClassMatches]:
         """Who takes whom, over nuScenes' ten classes, on the grid or off it."""
         found = found.relabel(self.classes, CLASSES)
-        found = found[self._filter(found, self.official_metric)]
+        found = found[self.counts_officially(found)]
         return self.official_metric.match(self.official_labels, found, len(self.tokens))
 
     def official(self, found: SampleBoxes) -> DetectionMetrics:
         """The devkit's score."""
         return self.official_metric.summarise(self.official_matches(found))
 
-    def _on_grid(self, boxes: SampleBoxes) -> SampleBoxes:
-        """Boxes that nuScenes counts and whose centre is on the grid."""
+    def counts(self, boxes: SampleBoxes) -> NDArray[np.bool_]:
+        """(N,) boxes of the configured classes that nuScenes counts and whose centre is on the grid."""
         ego_T_global = invert(self.global_T_ego)[boxes.sample]
         center = np.einsum("nij,nj->ni", ego_T_global[:, :3, :3], boxes.boxes.center) + ego_T_global[:, :3, 3]
-        return boxes[self._filter(boxes, self.metric) & self.grid.contains(center[:, :2])]
+        return self._filter(boxes, self.metric) & self.grid.contains(center[:, :2])
+
+    def counts_officially(self, boxes: SampleBoxes) -> NDArray[np.bool_]:
+        """(N,) boxes of CLASSES that nuScenes counts, on the grid or off it."""
+        return self._filter(boxes, self.official_metric)
 
 
 def ground_truth(dataset: NuScenesDataset) -> GroundTruth:

@@ -1,7 +1,6 @@
 """Labelled tracks of a split, and the score of tracks against them: over the configured classes on the grid, and officially."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -33,7 +32,7 @@ class TrackTruth:
         self.metric = TrackingMetric(classes=[name for name in TRACKING_CLASSES if name in self.classes])
         self.official_metric = TrackingMetric()
         everything = labelled_tracks([nusc.annotations(token, CLASSES) for nusc, token in samples])
-        self.labels = self._on_grid(everything.relabel(CLASSES, self.classes))
+        self.labels = self.on_grid(everything.relabel(CLASSES, self.classes))
         self.official_labels = self._official(everything)
 
     def table(self, found: Sequence[Tracks]) -> TrackBoxes:
@@ -48,7 +47,7 @@ class TrackTruth:
 
     def score(self, found: TrackBoxes) -> TrackingMetrics:
         """Over the classes that the model knows and nuScenes tracks, for what is on the grid."""
-        return self.metric(self.labels, self._on_grid(found), self.frames)
+        return self.metric(self.labels, self.on_grid(found), self.frames)
 
     def official(self, found: TrackBoxes) -> TrackingMetrics:
         """The devkit's score, of labels that index CLASSES or of the model's."""
@@ -56,7 +55,8 @@ class TrackTruth:
             self.official_labels, self._official(found.relabel(self.classes, CLASSES)), self.frames
         )
 
-    def _on_grid(self, tracks: TrackBoxes) -> TrackBoxes:
+    def on_grid(self, tracks: TrackBoxes) -> TrackBoxes:
+        """Tracks whose labels index the model's classes: what of them counts, with labels that index the metric's."""
         return tracks[self.truth.counts(tracks.table)].relabel(self.classes, self.metric.classes)
 
     def _official(self, tracks: TrackBoxes) -> TrackBoxes:

@@ -1,0 +1,59 @@
+"""Tracks over whole scenes, keyframe after keyframe: of the boxes of one detector, and of the tracks of several."""
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fusion_net.common.boxes import Boxes
+from fusion_net.evaluation.tracks.measurements import Measurements
+from fusion_net.evaluation.tracks.track_fusion import FusedTracks, fuse_tracks
+from fusion_net.evaluation.tracks.tracker import Tracker
+from fusion_net.evaluation.tracks.tracks import Tracks
+from fusion_net.metrics.track_paths import Frames
+
+PRIOR = 0.5
+"""Of an object before its scores are seen: noisy or does not ask for it."""
+
+
+def track_scenes(
+    found: Sequence[Boxes],
+    sensors: Sequence[str],
+    *,
+    frames: Frames,
+    global_T_ego: NDArray[np.float64],
+    tracker: Tracker,
+    measurements: Measurements,
+) -> list[Tracks]:
+    """The tracks that live at each of S samples, GLOBAL frame. ``found``: boxes of each sample in the ego frame, found with these
+    sensors; ``global_T_ego`` (S, 4, 4). Which of the tracks are reported says ``tracker.shown``."""
+    lived: list[Tracks] = [Tracks.empty()] * len(found)
+    for samples in scenes_in_time(frames):
+        tracks, next_number, time = Tracks.empty(), 0, frames.timestamp[samples[0]]
+        for sample in samples.tolist():
+            seen = measurements(found[sample], global_T_ego[sample], sensors)
+            seconds = 1e-6 * float(frames.timestamp[sample] - time)
+            tracks = tracker.step(tracks, seen, seconds=seconds, next_number=next_number)
+            next_number = max(next_number, int(tracks.number.max(initial=-1)) + 1)
+            lived[sample], time = tracks, frames.timestamp[sample]
+    return lived
+
+
+def fuse_scenes(sensors: Mapping[str, Sequence[Tracks]], *, frames: Frames, gate: float) -> list[Tracks]:
+    """The tracks of each of S samples by sensor (:func:`track_scenes`), as one list each. ``gate``: probability with which two
+    tracks of one object are within it."""
+    fused: list[Tracks] = [Tracks.empty()] * len(frames.scene)
+    for samples in scenes_in_time(frames):
+        state, next_number = FusedTracks.empty(), 0
+        for sample in samples.tolist():
+            now = {name: tracks[sample] for name, tracks in sensors.items()}
+            state = fuse_tracks(state, now, gate=gate, prior=PRIOR, next_number=next_number)
+            next_number = max(next_number, int(state.tracks.number.max(initial=-1)) + 1)
+            fused[sample] = state.tracks
+    return fused
+
+
+def scenes_in_time(frames: Frames) -> Iterator[NDArray[np.int64]]:
+    """The samples of each scene in the order of time."""
+    order = np.argsort(frames.rank)
+    return iter(np.split(order, np.flatnonzero(np.diff(frames.scene[order])) + 1) if len(order) else [])

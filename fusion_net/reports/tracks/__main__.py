@@ -1,0 +1,132 @@
+"""Tracks what a run detects: ``python -m fusion_net.reports.tracks run=runs/NAME``.
+
+Settings are in ``configs/tracks.yaml``; docs/tracks.md says how to read the tables.
+"""
+
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from omegaconf import DictConfig
+
+from fusion_net.common.cli.command import build, command
+from fusion_net.common.cli.command_line import command_line
+from fusion_net.common.cli.override_values import nearest
+from fusion_net.common.nuscenes_format import MODALITIES
+from fusion_net.data.datamodule import NuScenesDataset, make_loader
+from fusion_net.evaluate import open_samples
+from fusion_net.evaluation.drop_table import predict
+from fusion_net.evaluation.result_folder import result_folder
+from fusion_net.evaluation.tracks.sequences import fuse_scenes, track_scenes
+from fusion_net.evaluation.tracks.truth import TrackTruth
+from fusion_net.metrics.track_boxes import TrackBoxes
+from fusion_net.metrics.track_results import write_tracks
+from fusion_net.models.precision import autocast
+from fusion_net.reports.tables import name_of
+from fusion_net.reports.tracks.picture import busiest_scene, draw_tracks
+from fusion_net.reports.tracks.table import NOTES, as_row, as_text, write_tables
+from fusion_net.run_dir import environment
+from fusion_net.trained import Trained, trained_run
+
+FUSED_TRACKS = "fused tracks"
+"""Name of the row whose tracks are those of each sensor, fused; other rows are named by the sensors whose boxes they track."""
+
+
+def report(cfg: DictConfig) -> Path:
+    """Writes ``tracks.{md,json,png}`` and the result file of each set of tracks; returns their folder. Of a split without
+    labels only the result files."""
+    trained = trained_run(Path(cfg.run), cfg.checkpoint)
+    root = trained.cfg.data.root if cfg.data.root is None else cfg.data.root
+    dataset = open_samples(trained, split=cfg.split, root=root, version=cfg.data.version)
+    truth = TrackTruth(dataset.index, classes=dataset.classes, grid=dataset.grid)
+    _refuse_short_scenes(truth, cfg.min_keyframes, f"split={cfg.split} of {root}")
+    scene = _scene_number(dataset, truth, cfg.scene)
+    tables = track_run(trained, dataset, truth, cfg)
+    folder = _folder(trained, dataset, cfg, root)
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, table in tables.items():
+        write_tracks(folder / _result_file(name), table, tokens=truth.tokens, classes=truth.classes)
+    if not len(truth.labels):
+        print(
+            f"split={cfg.split} of {root}: no labelled track on the grid to score against; wrote {folder}/tracks_nusc_*.json"
+        )
+        return folder
+    rows = []
+    for name, table in tables.items():
+        print(f"scoring tracks of {name}", file=sys.stderr, flush=True)
+        rows.append(as_row(name, truth.score(table), truth.official(table)))
+    around = environment()
+    about = {"run": str(trained.folder), "split": cfg.split, "num_scenes": len(set(truth.truth.scenes))}
+    about |= {"num_samples": len(dataset), "seed": trained.cfg.seed, "command": around["command"], "git": around["git"]}
+    doc = about | {"rows": rows, "notes": list(NOTES)}
+    write_tables(folder, doc)
+    panels = {"labels": truth.labels} | {name: truth.on_grid(table) for name, table in tables.items()}
+    draw_tracks(folder / "tracks.png", panels, truth.frames, scene=scene, global_T_ego=truth.truth.global_T_ego)
+    print(as_text(doc))
+    print(f"\nwrote {folder}/: tracks.{{md,json,png}}, tracks_nusc_*.json", file=sys.stderr)
+    return folder
+
+
+def track_run(
+    trained: Trained, dataset: NuScenesDataset, truth: TrackTruth, cfg: DictConfig
+) -> Mapping[str, TrackBoxes]:
+    """Tracks of the boxes of each of the run's sensors alone and of all together, and of the first fused; GLOBAL frame."""
+    tracker = build(cfg.tracker, "tracker", classes=dataset.classes)
+    measurements = build(cfg.measurements, "measurements")
+    sensors = [name for name in MODALITIES if name in trained.cfg.encoders]
+    subsets = list(dict.fromkeys([*((name,) for name in sensors), tuple(sensors)]))
+    with autocast(trained.cfg.trainer.precision):
+        found, _ = predict(trained.model(), make_loader(dataset, cfg.batch_size), subsets=subsets)
+    lived = {
+        subset: track_scenes(
+            [boxes[token] for token in truth.tokens], subset, frames=truth.frames,
+            global_T_ego=truth.truth.global_T_ego, tracker=tracker, measurements=measurements,
+        )
+        for subset, boxes in zip(subsets, found, strict=True)
+    }  # fmt: skip
+    named = {name_of(subset): tracks for subset, tracks in lived.items()}
+    if len(sensors) > 1:
+        apart = {name: lived[name,] for name in sensors}
+        named[FUSED_TRACKS] = fuse_scenes(apart, frames=truth.frames, gate=cfg.fusion_gate)
+    return {name: truth.table([tracker.shown(tracks) for tracks in found]) for name, found in named.items()}
+
+
+def _refuse_short_scenes(truth: TrackTruth, least: int, where: str) -> None:
+    longest = int(np.bincount(truth.frames.scene).max(initial=0))
+    if longest < least:
+        raise ValueError(
+            f"{where}: the longest scene has {longest} keyframes, too few to track (min_keyframes={least}); make scenes of"
+            f" ten seconds: {command_line('-m data_gen', data='sequence')}"
+        )
+
+
+def _scene_number(dataset: NuScenesDataset, truth: TrackTruth, name: str | None) -> int:
+    """Number of the scene that is drawn: the one of this name, or the one in which most moves."""
+    if name is None:
+        return busiest_scene(truth.labels, truth.frames)
+    named = {nusc.scene(token)["name"]: nusc.scene(token)["token"] for nusc, token in dataset.index}
+    if name not in named:
+        raise ValueError(f"there is no scene={name} in the split; {nearest(name, list(named))}")
+    return int(truth.frames.scene[truth.truth.scenes == named[name]][0])
+
+
+def _folder(trained: Trained, dataset: NuScenesDataset, cfg: DictConfig, root) -> Path:
+    own = trained.cfg
+    where = {"split": cfg.split, "own_split": own.dataset.val.split, "root": root, "own_root": own.data.root}
+    versions = {"version": cfg.data.version, "own_version": own.data.get("version")}
+    return result_folder(trained.folder, dataset.datasets, checkpoint=cfg.checkpoint, **where, **versions) / "tracks"
+
+
+def _result_file(name: str) -> str:
+    return f"tracks_nusc_{name.replace(' ', '_')}.json"
+
+
+@command(config_name="tracks")
+def main(cfg: DictConfig) -> None:
+    """Tracks what ``cfg`` names."""
+    report(cfg)
+
+
+if __name__ == "__main__":
+    main()

@@ -69,8 +69,14 @@ class Correspondences:
                 distance[pair.label], score[pair.label] = pair.metres, pair.score
         takes_part, order = self._found.score >= min_score, self._order
         frames = np.unique(np.concatenate([self._truth.frame, self._found.frame[takes_part]]))
-        columns = (column[order] for column in (self._truth.track, event, distance, score))
-        return Followed(*columns, num_found=int(takes_part.sum()), num_frames=len(frames))
+        return Followed(
+            track=self._truth.track[order],
+            event=event[order],
+            distance=distance[order],
+            score=score[order],
+            num_found=int(takes_part.sum()),
+            num_frames=len(frames),
+        )
 
 
 def _followers(pairs: list[Pair], had: dict[int, int]) -> list[Pair]:

@@ -97,6 +97,5 @@ def _refuse_twice(boxes: TrackBoxes, frame: NDArray[np.int64]) -> None:
     order = np.lexsort([boxes.track, frame])
     twice = (frame[order][1:] == frame[order][:-1]) & (boxes.track[order][1:] == boxes.track[order][:-1])
     if twice.any():
-        raise ValueError(
-            f"tracks: the track {boxes.track[order][1:][twice][0]!r} is twice in one sample; names must differ"
-        )
+        name = str(boxes.track[order][1:][twice][0])
+        raise ValueError(f"tracks: the track {name!r} is twice in one sample; names must differ")

@@ -1,7 +1,7 @@
 """A Kalman filter of constant velocity on the ground, for all tracks of a scene at once.
 
-Formulas: Bar-Shalom, Li and Kirubarajan 2001, "Estimation with applications to tracking and navigation", sections 5.2 (filter) and
-6.2.2 (velocity disturbed by white noise). The state is (x, y, vx, vy): metres and m/s, GLOBAL frame.
+Formulas: Bar-Shalom, Li and Kirubarajan 2001, "Estimation with applications to tracking and navigation", sections 5.2
+(filter) and 6.2.2 (velocity disturbed by white noise). The state is (x, y, vx, vy): metres and m/s, GLOBAL frame.
 """
 
 from dataclasses import dataclass
@@ -27,18 +27,18 @@ class Motion:
 
     @staticmethod
     def begin(place: Array, place_cov: Array, velocity: Array, velocity_cov: Array, *, speed: Array) -> "Motion":
-        """Motion from a first measurement (N, 2), (N, 2, 2). An unknown velocity (NaN) is 0 with the standard deviation ``speed``
-        (N,) in m/s."""
-        known = np.isfinite(velocity).all(axis=1)
+        """Motion from a first measurement (N, 2), (N, 2, 2). An unknown velocity (NaN) is 0 with the standard deviation
+        ``speed`` (N,) in m/s."""
+        known = ~np.isnan(velocity).any(axis=1, keepdims=True)
         cov = np.zeros((len(place), 4, 4))
         cov[:, PLACE, PLACE] = place_cov
         unknown_cov = speed[:, None, None] ** 2 * np.eye(2)
-        cov[:, VELOCITY, VELOCITY] = np.where(known[:, None, None], velocity_cov, unknown_cov)
-        return Motion(np.concatenate([place, np.where(known[:, None], velocity, 0.0)], axis=1), cov)
+        cov[:, VELOCITY, VELOCITY] = np.where(known[..., None], velocity_cov, unknown_cov)
+        return Motion(np.concatenate([place, np.where(known, velocity, 0.0)], axis=1), cov)
 
     def predict(self, seconds: float, density: Array) -> "Motion":
-        """So many seconds later. ``density`` (N,): power spectral density of the accelerations, m^2/s^3; after t seconds they have
-        changed the velocity by sqrt(density t)."""
+        """So many seconds later. ``density`` (N,): power spectral density of the accelerations, m^2/s^3; after t seconds
+        they have changed the velocity by sqrt(density t)."""
         F = np.eye(4)
         F[0, 2] = F[1, 3] = seconds
         place, cross, velocity = seconds**3 / 3, seconds**2 / 2, seconds
@@ -46,8 +46,8 @@ class Motion:
         return Motion(self.mean @ F.T, F @ self.cov @ F.T + density[:, None, None] * Q)
 
     def update(self, measured: Array, noise: Array, half: slice) -> "Motion":
-        """After a half of the state was measured: ``measured`` (N, 2) with covariance ``noise`` (N, 2, 2). Rows with NaN were not.
-        The covariance is updated in Joseph's form, which keeps it symmetric and positive."""
+        """After a half of the state was measured: ``measured`` (N, 2) with covariance ``noise`` (N, 2, 2). Rows with NaN
+        were not. The covariance is updated in Joseph's form, which keeps it symmetric and positive."""
         known = np.isfinite(measured).all(axis=1)
         mean, cov = self.mean.copy(), self.cov.copy()
         P, R = cov[known], noise[known]

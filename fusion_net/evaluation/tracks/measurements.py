@@ -1,7 +1,7 @@
 """Boxes of any detector as measurements of a tracker: with covariances, in the GLOBAL frame."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from beartype import beartype
@@ -20,9 +20,9 @@ from fusion_net.models.late.estimates import Estimates
 class Measurements:
     """What a box says of the place and velocity of its object.
 
-    The place's covariance is that of the box's ``log_variance``, with at least ``least_sigma`` metres in each direction. The
-    velocity has by sensor the standard deviation ``velocity_sigma`` in m/s, of several sensors that of the best. Boxes with less
-    than ``min_score`` are no measurements.
+    The place's covariance is that of the box's ``log_variance``, with at least ``least_sigma`` metres in each direction.
+    The velocity has by sensor the standard deviation ``velocity_sigma`` in m/s, of several sensors that of the best. Boxes
+    with less than ``min_score`` are no measurements.
     """
 
     min_score: float

@@ -25,8 +25,8 @@ def track_scenes(
     tracker: Tracker,
     measurements: Measurements,
 ) -> list[Tracks]:
-    """The tracks that live at each of S samples, GLOBAL frame. ``found``: boxes of each sample in the ego frame, found with these
-    sensors; ``global_T_ego`` (S, 4, 4). Which of the tracks are reported says ``tracker.shown``."""
+    """The tracks that live at each of S samples, GLOBAL frame. ``found``: boxes of each sample in the ego frame, found with
+    these sensors; ``global_T_ego`` (S, 4, 4). Which of the tracks are reported says ``tracker.shown``."""
     lived: list[Tracks] = [Tracks.empty()] * len(found)
     for samples in scenes_in_time(frames):
         tracks, next_number, time = Tracks.empty(), 0, frames.timestamp[samples[0]]

@@ -1,8 +1,8 @@
 """Tracks of several sensors, each tracked apart, become one list: track-to-track fusion.
 
-Tracks of one object share the noise of its motion and often a calibration and a clock, so their errors correlate although their
-detections do not (Bar-Shalom 1981, "On the track-to-track correlation problem", IEEE TAC 26). How much is not known: they are merged
-by covariance intersection.
+Tracks of one object share the noise of its motion and often a calibration and a clock, so their errors correlate although
+their detections do not (Bar-Shalom 1981, "On the track-to-track correlation problem", IEEE TAC 26). How much is not known:
+they are merged by covariance intersection.
 """
 
 from collections.abc import Mapping
@@ -21,7 +21,8 @@ from fusion_net.models.late.merging import covariance_intersection
 from fusion_net.models.late.scores import combine
 
 KEEP = 0.9999
-"""Probability of the gate that a sensor's track leaves only if it is no longer of the object: wider than the one it came in by."""
+"""Probability of the gate that a sensor's track leaves only if it is no longer of the object: wider than the one it came in
+by."""
 
 
 @dataclass(frozen=True)
@@ -43,10 +44,10 @@ def fuse_tracks(
     """The tracks of one keyframe by sensor, any of them empty or not there, as one list. ``before``: what this gave for the
     keyframe before.
 
-    What was one object stays one while its members keep within a wide gate of each other; tracks that are not yet of one object
-    join by the gate of probability ``gate`` and the best assignment in each class. Of two names that become one the older stays,
-    and one that a sensor loses stays as long as another has it. New ones are numbered from ``next_number`` on. Scores are
-    combined as those of independent detectors (noisy or).
+    What was one object stays one while its members keep within a wide gate of each other; tracks that are not yet of one
+    object join by the gate of probability ``gate`` and the best assignment in each class. Of two names that become one the
+    older stays, and one that a sensor loses stays as long as another has it. New ones are numbered from ``next_number`` on.
+    Scores are combined as those of independent detectors (noisy or).
     """
     fused = FusedTracks.empty()
     for sensor in ORDER:

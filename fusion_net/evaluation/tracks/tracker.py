@@ -16,14 +16,14 @@ from fusion_net.models.late.estimates import Estimates
 @beartype
 @dataclass(frozen=True, kw_only=True)
 class Tracker:
-    """Tracking by detection with counts, as AB3DMOT (Weng et al. 2020, arXiv 1907.03961) and CenterPoint (Yin et al. 2021, arXiv
-    2006.11275) do it, with the detector's own variances.
+    """Tracking by detection with counts, as AB3DMOT (Weng et al. 2020, arXiv 1907.03961) and CenterPoint (Yin et al. 2021,
+    arXiv 2006.11275) do it, with the detector's own variances.
 
-    ``acceleration`` (m^2/s^3) and ``speed`` (m/s, of what is seen first and has no velocity) by class. A detection within the
-    gate (of probability ``gate``) continues a track of its class, assigned by the least sum of squared Mahalanobis distances. A
-    detection of at least ``birth_score`` that no track takes begins one. A track is reported from its ``min_hits``-th detection on
-    and through ``shown_misses`` keyframes without one; it ends after ``max_misses``. Its score is the last detection's, times
-    ``decay`` for each keyframe since.
+    ``acceleration`` (m^2/s^3) and ``speed`` (m/s, of what is seen first and has no velocity) by class. A detection within
+    the gate (of probability ``gate``) continues a track of its class, assigned by the least sum of squared Mahalanobis
+    distances. A detection of at least ``birth_score`` that no track takes begins one. A track is reported from its
+    ``min_hits``-th detection on and through ``shown_misses`` keyframes without one; it ends after ``max_misses``. Its score
+    is the last detection's, times ``decay`` for each keyframe since.
     """
 
     classes: list[str]
@@ -53,8 +53,8 @@ class Tracker:
                 raise ValueError(f"tracker: {key}={getattr(self, key)} must be from 0 to 1")
 
     def step(self, tracks: Tracks, found: Estimates, *, seconds: float, next_number: int) -> Tracks:
-        """The tracks after a keyframe, ``seconds`` after the one before, in which ``found`` (GLOBAL frame) was detected. New ones
-        are numbered from ``next_number`` on."""
+        """The tracks after a keyframe, ``seconds`` after the one before, in which ``found`` (GLOBAL frame) was detected.
+        New ones are numbered from ``next_number`` on."""
         motion = tracks.motion.predict(seconds, self._by_label(self.acceleration, tracks.boxes.label))
         place = found.boxes.center[:, PLACE]
         pairs = associate(

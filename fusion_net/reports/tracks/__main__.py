@@ -4,7 +4,7 @@ Settings are in ``configs/tracks.yaml``; docs/tracks.md says how to read the tab
 """
 
 import sys
-from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -42,54 +42,62 @@ def report(cfg: DictConfig) -> Path:
     truth = TrackTruth(dataset.index, classes=dataset.classes, grid=dataset.grid)
     _refuse_short_scenes(truth, cfg.min_keyframes, f"split={cfg.split} of {root}")
     scene = _scene_number(dataset, truth, cfg.scene)
-    tables = track_run(trained, dataset, truth, cfg)
+    found = track_run(trained, dataset, truth, cfg)
     folder = _folder(trained, dataset, cfg, root)
     folder.mkdir(parents=True, exist_ok=True)
-    for name, table in tables.items():
-        write_tracks(folder / _result_file(name), table, tokens=truth.tokens, classes=truth.classes)
+    for each in found:
+        path = folder / f"tracks_nusc_{each.name.replace(' ', '_')}.json"
+        write_tracks(path, each.tracks, tokens=truth.tokens, classes=truth.classes, sensors=each.sensors)
     if not len(truth.labels):
         print(
             f"split={cfg.split} of {root}: no labelled track on the grid to score against; wrote {folder}/tracks_nusc_*.json"
         )
         return folder
     rows = []
-    for name, table in tables.items():
-        print(f"scoring tracks of {name}", file=sys.stderr, flush=True)
-        rows.append(as_row(name, truth.score(table), truth.official(table)))
+    for each in found:
+        print(f"scoring tracks of {each.name}", file=sys.stderr, flush=True)
+        rows.append(as_row(each.name, truth.score(each.tracks), truth.official(each.tracks)))
     around = environment()
     about = {"run": str(trained.folder), "split": cfg.split, "num_scenes": len(set(truth.truth.scenes))}
     about |= {"num_samples": len(dataset), "seed": trained.cfg.seed, "command": around["command"], "git": around["git"]}
     doc = about | {"rows": rows, "notes": list(NOTES)}
     write_tables(folder, doc)
-    panels = {"labels": truth.labels} | {name: truth.on_grid(table) for name, table in tables.items()}
+    panels = {"labels": truth.labels} | {each.name: truth.on_grid(each.tracks) for each in found}
     draw_tracks(folder / "tracks.png", panels, truth.frames, scene=scene, global_T_ego=truth.truth.global_T_ego)
     print(as_text(doc))
     print(f"\nwrote {folder}/: tracks.{{md,json,png}}, tracks_nusc_*.json", file=sys.stderr)
     return folder
 
 
-def track_run(
-    trained: Trained, dataset: NuScenesDataset, truth: TrackTruth, cfg: DictConfig
-) -> Mapping[str, TrackBoxes]:
-    """Tracks of the boxes of each of the run's sensors alone and of all together, and of the first fused; GLOBAL frame."""
+@dataclass(frozen=True)
+class Found:
+    """A row of the table: tracks that are reported, GLOBAL frame, and the sensors that they were found with."""
+
+    name: str
+    sensors: tuple[str, ...]
+    tracks: TrackBoxes
+
+
+def track_run(trained: Trained, dataset: NuScenesDataset, truth: TrackTruth, cfg: DictConfig) -> list[Found]:
+    """Tracks of the boxes of each of the run's sensors alone and of all together, and those of each sensor fused."""
     tracker = build(cfg.tracker, "tracker", classes=dataset.classes)
     measurements = build(cfg.measurements, "measurements")
-    sensors = [name for name in MODALITIES if name in trained.cfg.encoders]
-    subsets = list(dict.fromkeys([*((name,) for name in sensors), tuple(sensors)]))
+    sensors = tuple(name for name in MODALITIES if name in trained.cfg.encoders)
+    subsets = list(dict.fromkeys([*((name,) for name in sensors), sensors]))
     with autocast(trained.cfg.trainer.precision):
-        found, _ = predict(trained.model(), make_loader(dataset, cfg.batch_size), subsets=subsets)
+        predicted, _ = predict(trained.model(), make_loader(dataset, cfg.batch_size), subsets=subsets)
     lived = {
         subset: track_scenes(
             [boxes[token] for token in truth.tokens], subset, frames=truth.frames,
             global_T_ego=truth.truth.global_T_ego, tracker=tracker, measurements=measurements,
         )
-        for subset, boxes in zip(subsets, found, strict=True)
+        for subset, boxes in zip(subsets, predicted, strict=True)
     }  # fmt: skip
-    named = {name_of(subset): tracks for subset, tracks in lived.items()}
+    rows = [(name_of(subset), subset, tracks) for subset, tracks in lived.items()]
     if len(sensors) > 1:
         apart = {name: lived[name,] for name in sensors}
-        named[FUSED_TRACKS] = fuse_scenes(apart, frames=truth.frames, gate=cfg.fusion_gate)
-    return {name: truth.table([tracker.shown(tracks) for tracks in found]) for name, found in named.items()}
+        rows.append((FUSED_TRACKS, sensors, fuse_scenes(apart, frames=truth.frames, gate=cfg.fusion_gate)))
+    return [Found(name, by, truth.table([tracker.shown(x) for x in tracks])) for name, by, tracks in rows]
 
 
 def _refuse_short_scenes(truth: TrackTruth, least: int, where: str) -> None:
@@ -116,10 +124,6 @@ def _folder(trained: Trained, dataset: NuScenesDataset, cfg: DictConfig, root) -
     where = {"split": cfg.split, "own_split": own.dataset.val.split, "root": root, "own_root": own.data.root}
     versions = {"version": cfg.data.version, "own_version": own.data.get("version")}
     return result_folder(trained.folder, dataset.datasets, checkpoint=cfg.checkpoint, **where, **versions) / "tracks"
-
-
-def _result_file(name: str) -> str:
-    return f"tracks_nusc_{name.replace(' ', '_')}.json"
 
 
 @command(config_name="tracks")

@@ -36,8 +36,9 @@ def draw_tracks(
     global_T_ego: NDArray[np.float64],
     min_score: float = 0.3,
 ) -> None:
-    """One panel for each set of tracks, without those whose mean score is less than ``min_score``. Each track has a colour of its own, so that a change of colour along a way is a change of identity. Axes are
-    those of the car in the scene's first keyframe; its own way is black."""
+    """One panel for each set of tracks, without those whose mean score is less than ``min_score``. Each track has a colour
+    of its own, so that a change of colour along a way is a change of identity. Axes are those of the car in the scene's
+    first keyframe; its own way is black."""
     samples = np.flatnonzero(frames.scene == scene)
     samples = samples[np.argsort(frames.timestamp[samples])]
     start_T_global = invert(global_T_ego[samples[0]])

@@ -13,8 +13,8 @@ COUNTS = ("ids", "frag", "mt", "ml", "fp", "fn")
 NOTES = (
     "AMOTA (higher is better) and AMOTP (m, lower): means over 40 recalls; the other figures are of the score threshold of the"
     " best MOTA of each class, counts added up over classes.",
-    "For what is on the BEV grid and passes nuScenes' filter, over the classes that nuScenes tracks. official: what the nuScenes"
-    " devkit computes from the result file, all around the car.",
+    "For what is on the BEV grid and passes nuScenes' filter, over the classes that nuScenes tracks. official: what the"
+    " nuScenes devkit computes from the result file, all around the car.",
     "IDS: an object is followed by another track than before; FRAG: it is lost and found again; MT, ML: objects followed in at"
     " least 80 % and in less than 20 % of their keyframes.",
 )

@@ -39,7 +39,8 @@ class Followed:
     event: NDArray[np.int64]  # (G,) MISS, MATCH or SWITCH
     distance: NDArray[np.float64]  # (G,) metres; 0 where missed
     score: NDArray[np.float64]  # (G,) of the prediction; 0 where missed
-    num_found: int  # predictions that took part
+    scene: NDArray[np.int64]  # (G,) number of the scene
+    num_found: NDArray[np.int64]  # predictions of each scene that took part
     num_frames: int  # frames with a label or a prediction
 
 
@@ -53,6 +54,16 @@ class Correspondences:
         self._pairs: dict[int, list[Pair]] = {}
         for pair in _near(truth, found, distance):
             self._pairs.setdefault(pair.frame, []).append(pair)
+
+    @property
+    def has_labels(self) -> bool:
+        """Whether there is anything to follow."""
+        return len(self._truth) > 0
+
+    @property
+    def levels(self) -> NDArray[np.float64]:
+        """The scores of the predictions, each once, rising: between two of them the answer is the same."""
+        return np.unique(self._found.score)
 
     def __call__(self, min_score: float = -np.inf) -> Followed:
         """Who follows whom."""
@@ -74,7 +85,8 @@ class Correspondences:
             event=event[order],
             distance=distance[order],
             score=score[order],
-            num_found=int(takes_part.sum()),
+            scene=self._scene[self._truth.frame[order]],
+            num_found=np.bincount(self._scene[self._found.frame[takes_part]], minlength=int(self._scene.max()) + 1),
             num_frames=len(frames),
         )
 

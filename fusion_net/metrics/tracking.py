@@ -6,7 +6,7 @@ figures are of the one score threshold at which MOTA (CLEAR MOT, Bernardin and S
 """
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -75,21 +75,29 @@ class TrackingMetric:
 
     def __call__(self, truth: TrackBoxes, found: TrackBoxes, frames: Frames) -> TrackingMetrics:
         """Score of tracks against labels; both filtered already, labels index ``classes``."""
+        return self.summarise(self.correspondences(truth, found, frames))
+
+    def correspondences(self, truth: TrackBoxes, found: TrackBoxes, frames: Frames) -> list[Correspondences]:
+        """Labels and predictions of each class, ready to be asked who follows whom."""
         labels = without_holes(truth, frames, mean_scores=False)
         tracks = without_holes(found, frames, mean_scores=True)
         scene = np.sort(frames.scene)
+        classes = range(len(self.classes))
+        pairs = [(labels[labels.label == label], tracks[tracks.label == label]) for label in classes]
+        return [Correspondences(*pair, distance=self.distance, scene=scene) for pair in pairs]
+
+    def summarise(self, by_class: Sequence[Correspondences]) -> TrackingMetrics:
+        """The figures of each class that has labels."""
         values = np.full((len(self.classes), len(FIGURES)), np.nan)
-        for label in range(len(self.classes)):
-            of_class = labels[labels.label == label]
-            if len(of_class):
-                follow = Correspondences(of_class, tracks[tracks.label == label], distance=self.distance, scene=scene)
+        for label, follow in enumerate(by_class):
+            if follow.has_labels:
                 values[label] = list(self._class_figures(follow).values())
         return TrackingMetrics(tuple(self.classes), values)
 
-    def _class_figures(self, follow: Callable[..., Followed]) -> dict[str, float]:
+    def _class_figures(self, follow: Correspondences) -> dict[str, float]:
         """FIGURES of one class."""
         everything = follow()
-        thresholds = self.thresholds(everything)
+        thresholds = self.thresholds(everything.score[everything.event == MATCH], len(everything.event))
         reached = thresholds[~np.isnan(thresholds)]
         if not len(reached):
             return _nothing_found(everything)
@@ -107,29 +115,38 @@ class TrackingMetric:
             **{name: float(values[best]) for name, values in curve.items()},
         }
 
-    def thresholds(self, everything: Followed) -> NDArray[np.float64]:
-        """(num_thresholds,) scores at which the recalls from 1 down to ``min_recall`` are reached; NaN where none does. Only
-        matches count here, not switches, as in the devkit."""
-        score = np.sort(everything.score[everything.event == MATCH])[::-1]
+    def thresholds(self, matched: NDArray[np.float64], num_gt: int) -> NDArray[np.float64]:
+        """(num_thresholds,) scores at which the recalls from 1 down to ``min_recall`` are reached; NaN where none does.
+        ``matched``: scores of all matches. Switches do not count here, as in the devkit."""
+        score = np.sort(matched)[::-1]
         wanted = np.linspace(self.min_recall, 1, self.num_thresholds).round(12)
         if not len(score):
             return np.full(self.num_thresholds, np.nan)
-        recall = np.arange(1, len(score) + 1) / len(everything.event)
+        recall = np.arange(1, len(score) + 1) / num_gt
         at = np.interp(wanted, recall, score, right=0)
         return np.where(wanted > recall[-1], np.nan, at)[::-1]
+
+
+def motar(matches: int, false: int, num_gt: int) -> float:
+    """MOTA at a recall, such that it can be 1 at every recall: max(0, 1 - (IDS + FP + FN - (1 - r) P) / (r P)) with the
+    recall r of matches among P labels (Weng et al. 2020). NaN without a match."""
+    if not matches:
+        return np.nan
+    recall = matches / num_gt
+    wrong = num_gt - matches + false  # misses, switches, false alarms
+    return max(0.0, 1 - (wrong - (1 - recall) * num_gt) / (recall * num_gt))
 
 
 def figures(followed: Followed) -> dict[str, float]:
     """FIGURES of one threshold, but for amota and amotp."""
     event, num_gt = followed.event, len(followed.event)
     matches, switches = int((event == MATCH).sum()), int((event == SWITCH).sum())
-    misses, false = num_gt - matches - switches, followed.num_found - matches - switches
-    recall = matches / num_gt
+    misses, false = num_gt - matches - switches, int(followed.num_found.sum()) - matches - switches
     wrong = misses + switches + false
     tracks = _Tracks(followed)
     return {
         "recall": (matches + switches) / num_gt,
-        "motar": max(0.0, 1 - (wrong - (1 - recall) * num_gt) / (recall * num_gt)) if matches else np.nan,
+        "motar": motar(matches, false, num_gt),
         "gt": num_gt,
         "mota": max(0.0, 1 - wrong / num_gt),
         "motp": followed.distance.sum() / (matches + switches) if matches + switches else np.nan,

@@ -80,9 +80,9 @@ def _scores(doc: dict[str, Any]) -> list[list[str]]:
         [
             name_of(row["sensors"]),
             number(row["mAP"]),
-            _interval(row["mAP_ci95"]),
+            interval_text(row["mAP_ci95"]),
             "" if row is doc["rows"][0] else f"{row['delta_mAP']:+.3f}",
-            "" if row is doc["rows"][0] else _interval(row["delta_mAP_ci95"]),
+            "" if row is doc["rows"][0] else interval_text(row["delta_mAP_ci95"]),
             number(row["NDS"]),
             *(number(row[name]) for name in TP_ERRORS),
             number(row["mAP_official"]),
@@ -118,7 +118,8 @@ def number(value: float | None) -> str:
     return "-" if value is None else f"{value:.3f}"
 
 
-def _interval(ends: Sequence[float]) -> str:
+def interval_text(ends: Sequence[float]) -> str:
+    """Both ends with three decimals."""
     return f"[{ends[0]:.3f}, {ends[1]:.3f}]"
 
 

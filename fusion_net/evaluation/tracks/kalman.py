@@ -29,7 +29,7 @@ class Motion:
     def begin(place: Array, place_cov: Array, velocity: Array, velocity_cov: Array, *, speed: Array) -> "Motion":
         """Motion from a first measurement (N, 2), (N, 2, 2). An unknown velocity (NaN) is 0 with the standard deviation
         ``speed`` (N,) in m/s."""
-        known = ~np.isnan(velocity).any(axis=1, keepdims=True)
+        known = np.isfinite(velocity[:, :1] + velocity[:, 1:])
         cov = np.zeros((len(place), 4, 4))
         cov[:, PLACE, PLACE] = place_cov
         unknown_cov = speed[:, None, None] ** 2 * np.eye(2)

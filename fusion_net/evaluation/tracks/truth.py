@@ -8,6 +8,7 @@ from fusion_net.common.bev_grid import BEVGrid
 from fusion_net.common.nuscenes_format import CLASSES
 from fusion_net.evaluation.scoring import GroundTruth, table_order
 from fusion_net.evaluation.tracks.tracks import Tracks
+from fusion_net.metrics.clear_mot import Correspondences
 from fusion_net.metrics.sample_boxes import stack
 from fusion_net.metrics.track_boxes import TrackBoxes, labelled_tracks
 from fusion_net.metrics.track_paths import Frames
@@ -45,9 +46,9 @@ class TrackTruth:
         number = np.concatenate([np.zeros(0, np.int64), *(tracks.number for tracks in found)])
         return TrackBoxes(boxes, number.astype(np.str_))
 
-    def score(self, found: TrackBoxes) -> TrackingMetrics:
-        """Over the classes that the model knows and nuScenes tracks, for what is on the grid."""
-        return self.metric(self.labels, self.on_grid(found), self.frames)
+    def correspondences(self, found: TrackBoxes) -> list[Correspondences]:
+        """Labels and tracks of each class of ``metric``, for what is on the grid."""
+        return self.metric.correspondences(self.labels, self.on_grid(found), self.frames)
 
     def official(self, found: TrackBoxes) -> TrackingMetrics:
         """The devkit's score, of labels that index CLASSES or of the model's."""

@@ -4,10 +4,13 @@ Settings are in ``configs/tracks.yaml``; docs/tracks.md says how to read the tab
 """
 
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from omegaconf import DictConfig
 
 from fusion_net.common.cli.command import build, command
@@ -16,8 +19,10 @@ from fusion_net.common.cli.override_values import nearest
 from fusion_net.common.nuscenes_format import MODALITIES
 from fusion_net.data.datamodule import NuScenesDataset, make_loader
 from fusion_net.evaluate import open_samples
-from fusion_net.evaluation.drop_table import predict
+from fusion_net.evaluation.bootstrap import interval, resample_scenes
+from fusion_net.evaluation.drop_table import RESAMPLING_SEED, predict
 from fusion_net.evaluation.result_folder import result_folder
+from fusion_net.evaluation.tracks.intervals import bootstrap_amota
 from fusion_net.evaluation.tracks.sequences import fuse_scenes, track_scenes
 from fusion_net.evaluation.tracks.truth import TrackTruth
 from fusion_net.metrics.track_boxes import TrackBoxes
@@ -53,10 +58,7 @@ def report(cfg: DictConfig) -> Path:
             f"split={cfg.split} of {root}: no labelled track on the grid to score against; wrote {folder}/tracks_nusc_*.json"
         )
         return folder
-    rows = []
-    for each in found:
-        print(f"scoring tracks of {each.name}", file=sys.stderr, flush=True)
-        rows.append(as_row(each.name, truth.score(each.tracks), truth.official(each.tracks)))
+    rows = score_rows(found, truth, resamples=cfg.bootstrap)
     around = environment()
     about = {"run": str(trained.folder), "split": cfg.split, "num_scenes": len(set(truth.truth.scenes))}
     about |= {"num_samples": len(dataset), "seed": trained.cfg.seed, "command": around["command"], "git": around["git"]}
@@ -79,11 +81,11 @@ class Found:
 
 
 def track_run(trained: Trained, dataset: NuScenesDataset, truth: TrackTruth, cfg: DictConfig) -> list[Found]:
-    """Tracks of the boxes of each of the run's sensors alone and of all together, and those of each sensor fused."""
+    """Tracks of the boxes of all of the run's sensors together and of each alone, and those of each fused."""
     tracker = build(cfg.tracker, "tracker", classes=dataset.classes)
     measurements = build(cfg.measurements, "measurements")
     sensors = tuple(name for name in MODALITIES if name in trained.cfg.encoders)
-    subsets = list(dict.fromkeys([*((name,) for name in sensors), sensors]))
+    subsets = list(dict.fromkeys([sensors, *((name,) for name in sensors)]))
     with autocast(trained.cfg.trainer.precision):
         predicted, _ = predict(trained.model(), make_loader(dataset, cfg.batch_size), subsets=subsets)
     lived = {
@@ -93,11 +95,27 @@ def track_run(trained: Trained, dataset: NuScenesDataset, truth: TrackTruth, cfg
         )
         for subset, boxes in zip(subsets, predicted, strict=True)
     }  # fmt: skip
-    rows = [(name_of(subset), subset, tracks) for subset, tracks in lived.items()]
+    rows = {name_of(subset): (subset, tracks) for subset, tracks in lived.items()}
     if len(sensors) > 1:
         apart = {name: lived[name,] for name in sensors}
-        rows.append((FUSED_TRACKS, sensors, fuse_scenes(apart, frames=truth.frames, gate=cfg.fusion_gate)))
-    return [Found(name, by, truth.table([tracker.shown(x) for x in tracks])) for name, by, tracks in rows]
+        rows[FUSED_TRACKS] = sensors, fuse_scenes(apart, frames=truth.frames, gate=cfg.fusion_gate)
+    return [Found(name, by, truth.table([tracker.shown(x) for x in tracks])) for name, (by, tracks) in rows.items()]
+
+
+def score_rows(found: Sequence[Found], truth: TrackTruth, *, resamples: int) -> list[dict[str, Any]]:
+    """The rows of the table, all on the same resampled scenes."""
+    copies = resample_scenes(truth.truth.scenes, resamples=resamples, rng=np.random.default_rng(RESAMPLING_SEED))
+    of_scene = copies[:, np.unique(truth.frames.scene, return_index=True)[1]]
+    rows: list[dict[str, Any]] = []
+    resampled: list[NDArray[np.float64]] = []
+    for each in found:
+        print(f"scoring tracks of {each.name}", file=sys.stderr, flush=True)
+        by_class = truth.correspondences(each.tracks)
+        resampled.append(bootstrap_amota(truth.metric, by_class, of_scene))
+        row = as_row(each.name, truth.metric.summarise(by_class), truth.official(each.tracks))
+        intervals = {"AMOTA_ci95": resampled[-1], "delta_AMOTA_ci95": resampled[-1] - resampled[0]}
+        rows.append(row | {name: interval(values) for name, values in intervals.items()})
+    return rows
 
 
 def _refuse_short_scenes(truth: TrackTruth, least: int, where: str) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from fusion_net.metrics.tracking import FIGURES, TrackingMetrics
-from fusion_net.reports.tables import SHORT, aligned, number, piped
+from fusion_net.reports.tables import SHORT, aligned, interval_text, number, piped
 
 SHOWN = ("recall", "mota", "motp", "ids", "frag", "mt", "ml", "fp", "fn")
 COUNTS = ("ids", "frag", "mt", "ml", "fp", "fn")
@@ -15,6 +15,7 @@ NOTES = (
     " best MOTA of each class, counts added up over classes.",
     "For what is on the BEV grid and passes nuScenes' filter, over the classes that nuScenes tracks. official: what the"
     " nuScenes devkit computes from the result file, all around the car.",
+    "[95 %]: bootstrap interval over scenes; delta: of the difference from the first row's AMOTA on the same resamples.",
     "IDS: an object is followed by another track than before; FRAG: it is lost and found again; MT, ML: objects followed in at"
     " least 80 % and in less than 20 % of their keyframes.",
 )
@@ -51,11 +52,22 @@ def _title(doc: dict[str, Any]) -> str:
 
 
 def _totals(doc: dict[str, Any]) -> list[list[str]]:
-    head = ["tracks of", "AMOTA", "AMOTP m", *(name.upper() for name in SHOWN), "official AMOTA", "AMOTP"]
+    head = [
+        "tracks of",
+        "AMOTA",
+        "[95 %]",
+        "delta [95 %]",
+        "AMOTP m",
+        *(name.upper() for name in SHOWN),
+        "official AMOTA",
+        "AMOTP",
+    ]
     rows = [
         [
             row["tracks"],
             number(row["amota"]),
+            interval_text(row["AMOTA_ci95"]),
+            "" if row is doc["rows"][0] else interval_text(row["delta_AMOTA_ci95"]),
             number(row["amotp"]),
             *(_count(row[name]) if name in COUNTS else number(row[name]) for name in SHOWN),
             number(row["AMOTA_official"]),

@@ -36,7 +36,11 @@ def make_run(data, *overrides):
 
 def track(*overrides):
     with initialize_config_dir(str(CONFIGS), version_base="1.3"):
-        return report(compose("tracks", overrides=["run=runs/mini", "data.root=null", "min_keyframes=3", *overrides]))
+        return report(
+            compose(
+                "tracks", overrides=["run=runs/mini", "data.root=null", "min_keyframes=3", "bootstrap=4", *overrides]
+            )
+        )
 
 
 def test_it_writes_tables_a_picture_and_a_result_file_for_each_row(data, tmp_path, monkeypatch, capsys):
@@ -45,7 +49,7 @@ def test_it_writes_tables_a_picture_and_a_result_file_for_each_row(data, tmp_pat
     folder = track("measurements.min_score=0.0", "tracker.birth_score=0.0")
     assert str(folder) == "runs/mini/eval/tracks"
     doc = json.loads((folder / "tracks.json").read_text())
-    assert [row["tracks"] for row in doc["rows"]] == ["L", "R", "L+R", "fused tracks"]
+    assert [row["tracks"] for row in doc["rows"]] == ["L+R", "L", "R", "fused tracks"]
     assert doc["num_samples"] == 3
     files = sorted(path.name for path in folder.iterdir())
     assert files == [

@@ -7,13 +7,10 @@ from numpy.typing import NDArray
 
 from fusion_net.common.boxes import Boxes
 from fusion_net.evaluation.tracks.measurements import Measurements
-from fusion_net.evaluation.tracks.track_fusion import FusedTracks, fuse_tracks
+from fusion_net.evaluation.tracks.track_fusion import FusedTracks, TrackFusion
 from fusion_net.evaluation.tracks.tracker import Tracker
 from fusion_net.evaluation.tracks.tracks import Tracks
 from fusion_net.metrics.track_paths import Frames
-
-PRIOR = 0.5
-"""Of an object before its scores are seen: noisy or does not ask for it."""
 
 
 def track_scenes(
@@ -39,15 +36,14 @@ def track_scenes(
     return lived
 
 
-def fuse_scenes(sensors: Mapping[str, Sequence[Tracks]], *, frames: Frames, gate: float) -> list[Tracks]:
-    """The tracks of each of S samples by sensor (:func:`track_scenes`), as one list each. ``gate``: probability with which two
-    tracks of one object are within it."""
+def fuse_scenes(sensors: Mapping[str, Sequence[Tracks]], *, frames: Frames, fusion: TrackFusion) -> list[Tracks]:
+    """The tracks of each of S samples by sensor (:func:`track_scenes`), as one list each."""
     fused: list[Tracks] = [Tracks.empty()] * len(frames.scene)
     for samples in scenes_in_time(frames):
         state, next_number = FusedTracks.empty(), 0
         for sample in samples.tolist():
             now = {name: tracks[sample] for name, tracks in sensors.items()}
-            state = fuse_tracks(state, now, gate=gate, prior=PRIOR, next_number=next_number)
+            state = fusion(state, now, next_number=next_number)
             next_number = max(next_number, int(state.tracks.number.max(initial=-1)) + 1)
             fused[sample] = state.tracks
     return fused

@@ -98,7 +98,7 @@ def track_run(trained: Trained, dataset: NuScenesDataset, truth: TrackTruth, cfg
     rows = {name_of(subset): (subset, tracks) for subset, tracks in lived.items()}
     if len(sensors) > 1:
         apart = {name: lived[name,] for name in sensors}
-        rows[FUSED_TRACKS] = sensors, fuse_scenes(apart, frames=truth.frames, gate=cfg.fusion_gate)
+        rows[FUSED_TRACKS] = sensors, fuse_scenes(apart, frames=truth.frames, fusion=build(cfg.fusion, "fusion"))
     return [Found(name, by, truth.table([tracker.shown(x) for x in tracks])) for name, (by, tracks) in rows.items()]
 
 

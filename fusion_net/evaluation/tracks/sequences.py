@@ -11,10 +11,11 @@ from fusion_net.evaluation.tracks.track_fusion import FusedTracks, TrackFusion
 from fusion_net.evaluation.tracks.tracker import Tracker
 from fusion_net.evaluation.tracks.tracks import Tracks
 from fusion_net.metrics.track_paths import Frames
+from fusion_net.models.late.estimates import Estimates
 
 
 def track_scenes(
-    found: Sequence[Boxes],
+    found: Sequence[Boxes | Estimates],
     sensors: Sequence[str],
     *,
     frames: Frames,
@@ -22,7 +23,7 @@ def track_scenes(
     tracker: Tracker,
     measurements: Measurements,
 ) -> list[Tracks]:
-    """The tracks that live at each of S samples, GLOBAL frame. ``found``: boxes of each sample in the ego frame, found with
+    """The tracks that live at each of S samples, GLOBAL frame. ``found``: what each sample shows, in the ego frame, found with
     these sensors; ``global_T_ego`` (S, 4, 4). Which of the tracks are reported says ``tracker.shown``."""
     lived: list[Tracks] = [Tracks.empty()] * len(found)
     for samples in scenes_in_time(frames):

@@ -22,6 +22,7 @@ from fusion_net.models.late.fuse import ORDER, merge_pairs
 from fusion_net.models.late.merging import covariance_intersection
 from fusion_net.models.late.scores import Score, combine
 
+
 @dataclass(frozen=True)
 class FusedTracks:
     """N tracks and whose they are made of."""
@@ -40,9 +41,9 @@ class FusedTracks:
 class TrackFusion:
     """How tracks of several sensors become one list.
 
-    Tracks of one class that are not yet of one object join by the gate of probability ``gate`` and the best assignment. What was
-    one object stays one while its members keep within the wider gate of probability ``keep_gate`` of each other. ``score``: one of
-    SCORES; ``prior``: of an object before its scores are seen, for ``bayes``.
+    Tracks of one class that are not yet of one object join by the gate of probability ``gate`` and the best assignment.
+    What was one object stays one while its members keep within the wider gate of probability ``keep_gate`` of each other.
+    ``score``: one of SCORES; ``prior``: of an object before its scores are seen, for ``bayes``.
     """
 
     gate: float

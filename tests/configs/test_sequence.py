@@ -8,7 +8,9 @@ def test_sequences_have_the_sensors_of_nano_and_scenes_of_their_own():
     assert sequence.rig == nano.rig
     assert sequence.data.keyframes == 20
     assert sequence.data.root == "data/sequence"
-    assert sequence.seed != nano.seed, "a scene follows from seed and index: of nano's, these would be the first seconds"
+    assert sequence.seed != nano.seed, (
+        "a scene follows from seed and index: of nano's, these would be the first seconds"
+    )
     assert {key: sequence[key] for key in ("scenario", "condition", "lidar")} == {
         key: nano[key] for key in ("scenario", "condition", "lidar")
     }

@@ -127,8 +127,9 @@ class Follower:
 
     def __call__(self, batch, present):
         places = [batch.lidar_points[batch.lidar_batch == b, :2] for b in range(batch.size)]
-        return [detections(np.random.default_rng(b), (0.5 * p + 0.5 * self.sound[b]).numpy(), ghosts=0, missed=0, noise=(1e-6, 1e-6))
-                for b, p in enumerate(places)]  # fmt: skip
+        half = [(0.5 * p + 0.5 * self.sound[b]).numpy() for b, p in enumerate(places)]
+        quiet = {"ghosts": 0, "missed": 0, "noise": (1e-6, 1e-6)}
+        return [detections(np.random.default_rng(b), p, **quiet) for b, p in enumerate(half)]
 
     def decode(self, outputs):
         return [replace(boxes, log_variance=np.full((len(boxes), 2), -2.0)) for boxes in outputs]

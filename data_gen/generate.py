@@ -26,6 +26,7 @@ from data_gen.jobs.shard import Shard
 from data_gen.jobs.workers import run_parallel
 from data_gen.recording import tables
 from data_gen.recording.record import record_scene
+from data_gen.recording.tokens import SCENE_US
 from data_gen.rig.coverage import sector_covered
 from data_gen.rig.rig import Rig
 from data_gen.scene.conditions import ConditionMix
@@ -83,6 +84,9 @@ class Job:
     faults: list[Fault] = field(default_factory=list)
 
     def __post_init__(self) -> None:
+        seconds, most = self.rig.duration(self.data.keyframes), SCENE_US * 1e-6
+        if seconds > most:
+            raise ValueError(f"keyframes={self.data.keyframes} last {seconds:.0f} s; a scene has time for {most:.0f} s")
         beams = {channel: lidar.model.beams for channel, lidar in self.rig.lidars.items()}
         FaultPlan(self.faults).check(self.rig.modalities, beams)
 

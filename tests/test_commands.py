@@ -21,6 +21,7 @@ ENVIRONMENT = os.environ | {"OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
 ASSET_SHEET = ["-m", "data_gen.pictures.asset_sheet"]
 DATA_GEN = ["-m", "data_gen", "data=nano", "workers=1"]
 SHEET, PREVIEW = ["-m", "data_gen.pictures.contact_sheet"], ["-m", "data_gen.pictures.rig_preview"]
+TRACKS = ["-m", "fusion_net.reports.tracks"]
 ABLATION = ["-m", "fusion_net.reports.ablation"]
 STATISTICS, LIDAR_CHECK = ["-m", "fusion_net.reports.statistics"], ["-m", "fusion_net.viz.lidar_check"]
 TRAIN, EVAL = [str(PROJECT / "train.py"), "trainer=smoke"], [str(PROJECT / "eval.py")]
@@ -90,6 +91,9 @@ MISTAKES = [
     (ABLATION, "collect=true", "folder is needed; write folder=VALUE"),
     (EVAL, "run=runs/nothing", "no run at runs/nothing"),
     (DATA_GEN, "data.num_scenes=0", "num_scenes=0"),
+    (DATA_GEN, "data=sequence data.keyframes=300", "keyframes=300 last 151 s; a scene has time for 100 s"),
+    (TRACKS, "split=val", "run is needed; write run=VALUE"),
+    (TRACKS, "run=runs/nothing", "no run at runs/nothing"),
     (DATA_GEN, "seed=abc", "seed=abc is not a whole number"),
     (DATA_GEN, "workers=-1", "workers=-1 is not a number of processes"),
     (DATA_GEN, "rig=nanoo", "did you mean nano?"),

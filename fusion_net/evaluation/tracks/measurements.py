@@ -1,7 +1,7 @@
 """Boxes of any detector as measurements of a tracker: with covariances, in the GLOBAL frame."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from beartype import beartype
@@ -38,17 +38,30 @@ class Measurements:
             if not self.velocity_sigma.get(name, 0.0) > 0:
                 raise ValueError(f"measurements: velocity_sigma of {name} must be a number of m/s above 0")
 
-    def __call__(self, boxes: Boxes, global_T_ego: NDArray[np.float64], sensors: Sequence[str]) -> Estimates:
-        """Measurements in the GLOBAL frame of boxes in the ego frame that were found with these sensors."""
-        boxes = boxes[boxes.score >= self.min_score]
+    def __call__(
+        self, found: Boxes | Estimates, global_T_ego: NDArray[np.float64], sensors: Sequence[str]
+    ) -> Estimates:
+        """Measurements in the GLOBAL frame of what was found with these sensors, in the ego frame. Estimates come with
+        covariances of their own, which are calibrated and kept."""
+        found = found if isinstance(found, Estimates) else self._estimates(found, sensors)
+        found = found[found.boxes.score >= self.min_score]
+        yaw = yaw_of(global_T_ego)
+        return replace(
+            found,
+            boxes=to_global(found.boxes, global_T_ego),
+            cov=turned(found.cov, yaw),
+            velocity_cov=turned(found.velocity_cov, yaw),
+        )
+
+    def _estimates(self, boxes: Boxes, sensors: Sequence[str]) -> Estimates:
+        """Boxes with the covariances that the settings give them."""
         variance = np.maximum(np.exp(np.clip(boxes.log_variance, *LOG_VARIANCE)), self.least_sigma**2)
         sigma = min(self.velocity_sigma[name] for name in sensors)
-        probability = np.where(np.isin(MODALITIES, sensors), boxes.score[:, None], np.nan)
         return Estimates(
-            boxes=to_global(boxes, global_T_ego),
-            cov=turned(variance[:, :, None] * np.eye(2), yaw_of(global_T_ego)),
+            boxes=boxes,
+            cov=variance[:, :, None] * np.eye(2),
             velocity_cov=np.tile(sigma**2 * np.eye(2), (len(boxes), 1, 1)),
-            probability=probability,
+            probability=np.where(np.isin(MODALITIES, sensors), boxes.score[:, None], np.nan),
             truth=np.full(len(boxes), -1),
         )
 

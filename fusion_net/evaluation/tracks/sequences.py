@@ -7,17 +7,15 @@ from numpy.typing import NDArray
 
 from fusion_net.common.boxes import Boxes
 from fusion_net.evaluation.tracks.measurements import Measurements
-from fusion_net.evaluation.tracks.track_fusion import FusedTracks, fuse_tracks
+from fusion_net.evaluation.tracks.track_fusion import FusedTracks, TrackFusion
 from fusion_net.evaluation.tracks.tracker import Tracker
 from fusion_net.evaluation.tracks.tracks import Tracks
 from fusion_net.metrics.track_paths import Frames
-
-PRIOR = 0.5
-"""Of an object before its scores are seen: noisy or does not ask for it."""
+from fusion_net.models.late.estimates import Estimates
 
 
 def track_scenes(
-    found: Sequence[Boxes],
+    found: Sequence[Boxes | Estimates],
     sensors: Sequence[str],
     *,
     frames: Frames,
@@ -25,7 +23,7 @@ def track_scenes(
     tracker: Tracker,
     measurements: Measurements,
 ) -> list[Tracks]:
-    """The tracks that live at each of S samples, GLOBAL frame. ``found``: boxes of each sample in the ego frame, found with
+    """The tracks that live at each of S samples, GLOBAL frame. ``found``: what each sample shows, in the ego frame, found with
     these sensors; ``global_T_ego`` (S, 4, 4). Which of the tracks are reported says ``tracker.shown``."""
     lived: list[Tracks] = [Tracks.empty()] * len(found)
     for samples in scenes_in_time(frames):
@@ -39,15 +37,14 @@ def track_scenes(
     return lived
 
 
-def fuse_scenes(sensors: Mapping[str, Sequence[Tracks]], *, frames: Frames, gate: float) -> list[Tracks]:
-    """The tracks of each of S samples by sensor (:func:`track_scenes`), as one list each. ``gate``: probability with which two
-    tracks of one object are within it."""
+def fuse_scenes(sensors: Mapping[str, Sequence[Tracks]], *, frames: Frames, fusion: TrackFusion) -> list[Tracks]:
+    """The tracks of each of S samples by sensor (:func:`track_scenes`), as one list each."""
     fused: list[Tracks] = [Tracks.empty()] * len(frames.scene)
     for samples in scenes_in_time(frames):
         state, next_number = FusedTracks.empty(), 0
         for sample in samples.tolist():
             now = {name: tracks[sample] for name, tracks in sensors.items()}
-            state = fuse_tracks(state, now, gate=gate, prior=PRIOR, next_number=next_number)
+            state = fusion(state, now, next_number=next_number)
             next_number = max(next_number, int(state.tracks.number.max(initial=-1)) + 1)
             fused[sample] = state.tracks
     return fused

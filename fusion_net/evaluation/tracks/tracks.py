@@ -57,5 +57,5 @@ class Tracks:
     def estimates(self) -> Estimates:
         """The tracks as estimates of boxes."""
         cov = self.motion.cov
-        truth = np.full(len(self.boxes), -1)
-        return Estimates(self.boxes, cov[:, PLACE, PLACE], cov[:, VELOCITY, VELOCITY], self.probability, truth)
+        unknown = np.full(len(self), -1)
+        return Estimates(self.boxes, cov[:, PLACE, PLACE], cov[:, VELOCITY, VELOCITY], self.probability, unknown)

@@ -12,11 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from omegaconf import DictConfig
+from torch import Tensor
 
 from fusion_net.common.cli.command import build, command
 from fusion_net.common.cli.command_line import command_line
 from fusion_net.common.cli.override_values import nearest
 from fusion_net.common.nuscenes_format import MODALITIES
+from fusion_net.data.batch import Batch
 from fusion_net.data.datamodule import NuScenesDataset, make_loader
 from fusion_net.evaluate import open_samples
 from fusion_net.evaluation.bootstrap import interval, resample_scenes
@@ -27,6 +29,8 @@ from fusion_net.evaluation.tracks.sequences import fuse_scenes, track_scenes
 from fusion_net.evaluation.tracks.truth import TrackTruth
 from fusion_net.metrics.track_boxes import TrackBoxes
 from fusion_net.metrics.track_results import write_tracks
+from fusion_net.models.late.estimates import Estimates
+from fusion_net.models.late.late_fusion import LateFusion, LateOutputs
 from fusion_net.models.precision import autocast
 from fusion_net.reports.tables import name_of
 from fusion_net.reports.tracks.picture import busiest_scene, draw_tracks
@@ -87,7 +91,9 @@ def track_run(trained: Trained, dataset: NuScenesDataset, truth: TrackTruth, cfg
     sensors = tuple(name for name in MODALITIES if name in trained.cfg.encoders)
     subsets = list(dict.fromkeys([sensors, *((name,) for name in sensors)]))
     with autocast(trained.cfg.trainer.precision):
-        predicted, _ = predict(trained.model(), make_loader(dataset, cfg.batch_size), subsets=subsets)
+        predicted, _ = predict(
+            _with_covariances(trained.model()), make_loader(dataset, cfg.batch_size), subsets=subsets
+        )
     lived = {
         subset: track_scenes(
             [boxes[token] for token in truth.tokens], subset, frames=truth.frames,
@@ -98,8 +104,28 @@ def track_run(trained: Trained, dataset: NuScenesDataset, truth: TrackTruth, cfg
     rows = {name_of(subset): (subset, tracks) for subset, tracks in lived.items()}
     if len(sensors) > 1:
         apart = {name: lived[name,] for name in sensors}
-        rows[FUSED_TRACKS] = sensors, fuse_scenes(apart, frames=truth.frames, gate=cfg.fusion_gate)
+        rows[FUSED_TRACKS] = sensors, fuse_scenes(apart, frames=truth.frames, fusion=build(cfg.fusion, "fusion"))
     return [Found(name, by, truth.table([tracker.shown(x) for x in tracks])) for name, (by, tracks) in rows.items()]
+
+
+class KeepsCovariances:
+    """Late fusion as a detector of estimates: its boxes keep the calibrated covariances that the measurements are."""
+
+    def __init__(self, model: LateFusion) -> None:
+        self.model = model
+
+    def __call__(self, batch: Batch, present: Tensor) -> LateOutputs:
+        """Outputs of a batch with the sensors of ``present`` (B, M)."""
+        return self.model(batch, present=present)
+
+    def decode(self, outputs: LateOutputs) -> list[Estimates]:
+        """Estimates of each sample in the reference ego frame."""
+        lists = self.model.estimates(outputs, with_truth=self.model.association == "oracle")
+        return [self.model.fuse(each) for each in lists]
+
+
+def _with_covariances(model: Any) -> Any:
+    return KeepsCovariances(model) if isinstance(model, LateFusion) else model
 
 
 def score_rows(found: Sequence[Found], truth: TrackTruth, *, resamples: int) -> list[dict[str, Any]]:

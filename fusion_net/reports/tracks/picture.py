@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
@@ -28,56 +27,59 @@ def busiest_scene(labels: TrackBoxes, frames: Frames) -> int:
 
 
 def draw_tracks(
-    path: Path,
-    panels: Mapping[str, TrackBoxes],
-    frames: Frames,
-    *,
-    scene: int,
-    global_T_ego: NDArray[np.float64],
-    min_score: float = 0.3,
+    path: Path, panels: Mapping[str, TrackBoxes], frames: Frames, *, scene: int, global_T_ego: NDArray[np.float64]
 ) -> None:
-    """One panel for each set of tracks, without those whose mean score is less than ``min_score``. Each track has a colour
-    of its own, so that a change of colour along a way is a change of identity. Axes are those of the car in the scene's
-    first keyframe; its own way is black."""
+    """One panel for each set of tracks, the first of them the labels. Of the others as many are drawn as there are labelled
+    ones, those of the largest sum of scores. Each has a colour of its own, so that a change of colour along a way is a
+    change of identity; squares stand. Axes are those of the car in the scene's first keyframe; its own way is black."""
     samples = np.flatnonzero(frames.scene == scene)
     samples = samples[np.argsort(frames.timestamp[samples])]
     start_T_global = invert(global_T_ego[samples[0]])
     ego = transform(start_T_global, global_T_ego[samples, :3, 3])[:, :2]
-    columns = 3 if len(panels) > 2 else len(panels)
-    rows = -(-len(panels) // columns)
-    figure = Figure(figsize=(4.4 * columns, 4.6 * rows), dpi=110, layout="constrained")
+    ways = {title: _ways(tracks, frames, samples, start_T_global) for title, tracks in panels.items()}
+    number = len(next(iter(ways.values())))
+    shown = {title: sorted(own, key=lambda way: -way[1])[:number] for title, own in ways.items()}
+    everything = np.concatenate([ego, *(xy for own in shown.values() for xy, _ in own)])
+    width, height = np.maximum(np.ptp(everything, axis=0), 20.0) + 10.0
+    columns = 1 if width > 2.5 * height else min(3, len(shown))
+    rows = -(-len(shown) // columns)
+    panel = 12.0 / columns
+    figure = Figure(figsize=(12.0, 0.6 + rows * (0.45 + panel * height / width)), dpi=110, layout="constrained")
     grid = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
-    for axes, (title, tracks) in zip(grid, panels.items(), strict=False):
-        rows_of = np.flatnonzero(np.isin(tracks.table.sample, samples))
-        count = _draw(axes, tracks, frames, rows_of, start_T_global, min_score)
+    for axes, (title, own) in zip(grid, shown.items(), strict=False):
+        _draw(axes, [xy for xy, _ in own])
         axes.plot(*ego.T, color="black", linewidth=2)
         axes.plot(*ego[-1], marker="^", color="black", markersize=6)
-        axes.set_title(f"{title}: {count} tracks", fontsize=10)
+        axes.set_title(title if title == next(iter(shown)) else f"tracks of {title}", fontsize=10)
         axes.set_aspect("equal")
         axes.grid(color="#e4e4e4", linewidth=0.6)
-    for axes in grid[len(panels) :]:
+    for axes in grid[len(shown) :]:
         axes.set_axis_off()
-    figure.suptitle(f"{len(samples)} keyframes of a scene, metres; tracks with a mean score of at least {min_score:g}")
+    figure.suptitle(f"{len(samples)} keyframes from above, metres; of each the best {number} tracks")
     figure.savefig(path)
 
 
-def _draw(
-    axes: Axes, tracks: TrackBoxes, frames: Frames, rows: NDArray[np.int64], start_T_global: NDArray, min_score: float
-) -> int:
-    """Draws what is good enough; returns how many tracks that is."""
-    colors, drawn = colormaps["tab20"].colors, 0  # type: ignore[attr-defined]
-    for number, (own, _) in enumerate(_paths(tracks, frames, rows)):
-        if tracks.table.boxes.score[own].mean() < min_score:
-            continue
-        xy = transform(start_T_global, tracks.table.boxes.center[own])[:, :2]
-        color, drawn = colors[number % len(colors)], drawn + 1
+def _ways(
+    tracks: TrackBoxes, frames: Frames, samples: NDArray[np.int64], start_T_global: NDArray[np.float64]
+) -> list[tuple[NDArray[np.float64], float]]:
+    """The way (K, 2) of each track of a scene, in the order of time, and the sum of its scores."""
+    rows = np.flatnonzero(np.isin(tracks.table.sample, samples))
+    boxes = tracks.table.boxes
+    return [
+        (transform(start_T_global, boxes.center[own])[:, :2], float(boxes.score[own].sum()))
+        for own, _ in _paths(tracks, frames, rows)
+    ]
+
+
+def _draw(axes: Axes, ways: list[NDArray[np.float64]]) -> None:
+    colors = colormaps["tab20"].colors  # type: ignore[attr-defined]
+    for number, xy in enumerate(ways):
+        color = colors[number % len(colors)]
         if np.linalg.norm(xy - xy[0], axis=1).max() < STILL:
-            axes.plot(*xy.mean(axis=0), marker="s", markersize=3, color=color)
+            axes.plot(*xy.mean(axis=0), marker="s", markersize=4, color=color)
             continue
-        axes.add_collection(LineCollection([xy], colors=[color], linewidths=1.4))
-        axes.plot(*xy.T, ".", markersize=3, color=color)
-        axes.plot(*xy[-1], marker="o", markersize=4, color=color)
-    return drawn
+        axes.plot(*xy.T, ".-", markersize=3, linewidth=1.3, color=color)
+        axes.plot(*xy[-1], marker="o", markersize=5, color=color)
 
 
 def _paths(tracks: TrackBoxes, frames: Frames, rows: NDArray[np.int64]):

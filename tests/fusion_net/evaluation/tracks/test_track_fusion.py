@@ -4,12 +4,15 @@ import numpy as np
 import pytest
 
 from fusion_net.common.nuscenes_format import MODALITIES
-from fusion_net.evaluation.tracks.track_fusion import FusedTracks, fuse_tracks
+from fusion_net.evaluation.tracks.track_fusion import FusedTracks, TrackFusion
 from fusion_net.evaluation.tracks.tracks import Tracks
 from fusion_net.models.late.estimates import Estimates
 from tests.fixtures.tracking import follow, seen
 
 SIGMA = {"camera": 0.8, "lidar": 0.2, "radar": 0.5}
+
+
+FUSION = TrackFusion(gate=0.99, keep_gate=0.9999, score="noisy_or", prior=0.5)
 
 
 def fuse(by_sensor, **tracker):
@@ -24,7 +27,7 @@ def fuse(by_sensor, **tracker):
     state, next_number, states = FusedTracks.empty(), 0, []
     for k in range(len(next(iter(lived.values())))):
         now = {name: tracks[k] for name, tracks in lived.items()}
-        state = fuse_tracks(state, now, gate=0.99, prior=0.5, next_number=next_number)
+        state = FUSION(state, now, next_number=next_number)
         next_number = max(next_number, int(state.tracks.number.max(initial=-1)) + 1)
         states.append(state)
     return states
@@ -92,7 +95,7 @@ def test_two_that_turn_out_to_be_one_keep_the_older_name():
 
 @pytest.mark.parametrize("sensors", [{}, {"lidar": Tracks.empty()}, dict.fromkeys(MODALITIES, Tracks.empty())])
 def test_no_tracks_of_one_or_all_sensors_are_no_tracks(sensors):
-    fused = fuse_tracks(FusedTracks.empty(), sensors, gate=0.99, prior=0.5, next_number=3)
+    fused = FUSION(FusedTracks.empty(), sensors, next_number=3)
     assert len(fused.tracks) == 0
 
 
@@ -104,3 +107,8 @@ def test_every_name_is_given_once():
         for column in state.members.T:
             used = column[column >= 0]
             assert len(set(used.tolist())) == len(used)
+
+
+def test_settings_that_make_no_sense_are_refused():
+    with pytest.raises(ValueError, match=r"keep_gate=0\.9 must be at least gate=0\.99"):
+        TrackFusion(gate=0.99, keep_gate=0.9, score="max", prior=0.5)

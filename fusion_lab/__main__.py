@@ -24,7 +24,8 @@ def main(cfg: DictConfig) -> None:
     check_port(cfg.host, cfg.port)
     trained = offered(cfg.run, cfg.checkpoint)
     rig = next(iter(trained.values())).cfg.data.name
-    studio = open_studio(Path(cfg.data.root), rig=rig, scenes=cfg.scenes, keyframes=cfg.keyframes, seed=cfg.seed)
+    size = {"scenes": cfg.data.num_scenes, "keyframes": cfg.data.keyframes}
+    studio = open_studio(Path(cfg.data.root), rig=rig, **size, seed=cfg.seed)
     lab = Lab(studio, trained)
     lab.warm_up()
     serve(lab, host=cfg.host, port=cfg.port, show=cfg.show)

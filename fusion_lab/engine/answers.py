@@ -68,14 +68,10 @@ class Lab:
         return Offer(tuple(self._detectors), layouts, frames, severities, (self._beams, *fewer))
 
     def warm_up(self) -> None:
-        """Loads, builds and compiles what an answer would wait for: each detector, each scene, each condition."""
-        first = first_state(self.offer)
+        """Loads, builds and compiles what an answer would wait for: each scene, each condition, each detector."""
+        self.studio.rehearse()
         for level in self._detectors:
-            self.answer(replace(first, level=level))
-        for condition, severities in self.offer.conditions.items():
-            self.answer(replace(first, condition=condition, severity=severities))
-        for scene in range(len(self.offer.layouts)):
-            self.answer(replace(first, scene=scene, lidar="rained out"))
+            self.answer(replace(first_state(self.offer), level=level))
 
     def no_depth(self, state: LabState) -> dict[str, str]:
         """The choices of ``depth`` that a state cannot have, each with the reason."""

@@ -10,7 +10,7 @@ from difflib import get_close_matches
 from typing import Any, NamedTuple
 from urllib.parse import urlencode
 
-from fusion_net.common.fault_effects import Clock, Dead, FewerBeams, Mismount, Stale
+from fusion_net.common.fault_effects import Clock, Dead, FewerBeams, LostPoints, Mismount, Stale
 from fusion_net.common.faults import Fault
 from fusion_net.common.nuscenes_format import MODALITIES
 
@@ -65,6 +65,8 @@ class Weather(NamedTuple):
 
 LOW_SUN, DOWNPOUR = Weather("glare", 3), Weather("rain", 3)
 """What blinds a camera, and what drowns a LiDAR, while the others see the weather that is set."""
+WET_WINDOW = 0.9
+"""Of its returns that a LiDAR loses beside, when it is rained out: water stands on its window."""
 
 
 @dataclass(frozen=True)
@@ -156,6 +158,8 @@ class LabState:
             match getattr(self, modality):
                 case "dead":
                     found.append(Fault(sensors=[modality], effect=Dead()))
+                case "rained out":
+                    found.append(Fault(sensors=[modality], effect=LostPoints(fraction=WET_WINDOW)))
                 case "stale":
                     found.append(Fault(sensors=[modality], effect=Stale(firings=1)))
         if self.degrees or self.centimetres:

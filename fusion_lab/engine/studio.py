@@ -87,16 +87,22 @@ class Studio(NuScenes):
             self._render(record, weather, folder)
         return path
 
+    def rehearse(self) -> None:
+        """Builds every scene and renders every condition once, for nobody: what is compiled and loaded for the first time
+        takes seconds."""
+        for place in range(len(self.scenes)):
+            episode = self._episode(place)
+        for name in self.severities:
+            scene = episode.scene.under(self._condition(Weather(name, 1), episode))
+            for _ in sense_each(scene, [_copy(event) for event in episode.events[0]]):
+                pass
+
     def _render(self, record: Record, weather: Weather, folder: Path) -> None:
         """Writes what all sensors of the record's modality measure for its keyframe: radars are cast together anyway."""
         place = next(place for place, tokens in enumerate(self.scenes) if record["sample_token"] in tokens)
         keyframe = self.scenes[place].index(record["sample_token"])
         modality, episode = self.modalities[self.channel(record)], self._episode(place)
-        events = [
-            replace(event, rng=copy.deepcopy(event.rng))  # a stream is read once
-            for event in episode.events[keyframe]
-            if event.mount.modality == modality
-        ]
+        events = [_copy(event) for event in episode.events[keyframe] if event.mount.modality == modality]
         filenames = self._filenames(record["sample_token"])
         names = SceneNames(self.job.data.name, episode.scene.name, place)
         scene = episode.scene.under(self._condition(weather, episode))
@@ -128,6 +134,11 @@ class Studio(NuScenes):
         levels = {weather.name: self.conditions.presets[weather.name]}
         mix = ConditionMix(presets=levels, weights={weather.name: 1.0}, severity=weather.severity)
         return mix.sample(stream(episode.seed, "condition"), heading=float(episode.scene.ego.at(0.0)[1]))
+
+
+def _copy(event: CaptureEvent) -> CaptureEvent:
+    """The event with its random stream at the beginning: a stream is read once."""
+    return replace(event, rng=copy.deepcopy(event.rng))
 
 
 def open_studio(folder: Path, *, rig: str, scenes: int, keyframes: int, seed: int) -> Studio:

@@ -97,6 +97,7 @@ class Page:
         if picture is not None:
             image.set_source(self._gallery.put(self.client.id, name, picture.file))
             image.set_content(picture.overlay)
+            image.style(f"max-width: {picture.size[0]}px")
             image.props(f'role="img" aria-label="{escape(picture.alt, quote=True)}"')
 
     def _want_scene_score(self) -> None:

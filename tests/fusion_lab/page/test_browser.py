@@ -46,7 +46,7 @@ def address(tmp_path_factory):
     ]
     with (folder / "log").open("w") as log:
         lab = subprocess.Popen(
-            [*command, "scenes=2", "keyframes=3"], cwd=ROOT, stdout=subprocess.PIPE, stderr=log, text=True,
+            [*command, "data.num_scenes=2", "data.keyframes=3"], cwd=ROOT, stdout=subprocess.PIPE, stderr=log, text=True,
             env=os.environ | {"PYTHONPATH": str(ROOT)},
         )  # fmt: skip
         for line in lab.stdout:

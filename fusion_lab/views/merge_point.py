@@ -72,6 +72,6 @@ def _pipeline(answer: Answer, chosen: str) -> str:
         end = 10 + 130 * at + 104
         parts.append(f'<path d="M{end} {y}L{end + 40} 74" class="flow"{gone}/>')
     x = 10 + 130 * at + 144
-    parts.append(f'<circle cx="{x}" cy="74" r="10" class="merge"/>' + text(x, 104, "they meet", 'text-anchor="middle"'))
+    parts.append(f'<circle cx="{x}" cy="74" r="10" class="merge"/>' + text(x, 134, "they meet", 'text-anchor="middle"'))
     parts.append(f'<path d="M{x + 10} 74H560" class="flow"/>' + text(560, 66, "detections", 'text-anchor="end"'))
     return svg(570, 150, "".join(parts), f"Three pipelines that meet at {chosen} fusion")

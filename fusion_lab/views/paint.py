@@ -46,11 +46,22 @@ def content(answer: Answer) -> Content:
     panel = (
         f"<p>{len(points)} points fall into the image; <strong>{changed}</strong> of them"
         f" ({changed / len(points):.0%}) get another paint than at offset 0. Click on the image to choose a point.</p>"
+        + _legend(answer, paint)
         + _way(answer, points[chosen], there[chosen], paint[chosen], scores, size)
     )
     return Content(
         panel, picture, overlay, f"Camera image with {len(points)} painted LiDAR points, {changed} mis-painted"
     )
+
+
+def _legend(answer: Answer, paint: NDArray) -> str:
+    """The colours of the classes that points are painted with."""
+    chips = [(label(answer.classes[k]), PALETTE[k % len(PALETTE)]) for k in np.unique(paint[paint >= 0])]
+    spans = "".join(
+        f'<span><i class="dot" style="background:rgb({red},{green},{blue})"></i>{name}</span>'
+        for name, (red, green, blue) in [*chips, ("no object", ROAD)]
+    )
+    return f'<p class="legend">{spans}</p>'
 
 
 def _way(answer: Answer, point: NDArray, pixel: NDArray, paint: int, scores: NDArray, size: tuple[int, ...]) -> str:

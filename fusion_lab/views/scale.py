@@ -35,7 +35,7 @@ def _drawing(near: float, far: float) -> str:
     for distance, height, name in ((near, PERSON, "person"), (far, SIGN, "sign")):
         x, top = 30 + scale * distance, GROUND - tall * height
         parts.append(f'<line x1="{x:.1f}" y1="{GROUND}" x2="{x:.1f}" y2="{top:.1f}" class="object"/>')
-        parts.append(text(x, top - 6, f"{name}, {height:g} m", 'text-anchor="middle"'))
+        parts.append(text(x + 8, (top + GROUND) / 2 + 10, f"{name}, {height:g} m"))
         parts.append(text(x, GROUND + 18, f"{distance:g} m", 'text-anchor="middle"'))
     x, top = 30 + scale * far, GROUND - tall * SIGN
     parts.append(f'<line x1="30" y1="{GROUND}" x2="{x:.1f}" y2="{top:.1f}" class="ray"/>')

@@ -67,7 +67,7 @@ def main() -> None:
     """Prints a table and, last, the figures as JSON."""
     given = dict(each.split("=", 1) for each in sys.argv[1:] if "=" in each)
     answers = next((int(each) for each in sys.argv[1:] if each.isdigit()), 300)
-    trained = offered(given.get("run"), "best")
+    trained = offered([given["run"]] if "run" in given else [], "best")
     with tempfile.TemporaryDirectory() as folder:
         rig = next(iter(trained.values())).cfg.data.name
         began = time.perf_counter()

@@ -22,7 +22,8 @@ def main(cfg: DictConfig) -> None:
     from fusion_lab.page.serve import serve
 
     check_port(cfg.host, cfg.port)
-    trained = offered(cfg.run, cfg.checkpoint)
+    runs = [cfg.run] if isinstance(cfg.run, str) else list(cfg.run or [])
+    trained = offered(runs, cfg.checkpoint)
     rig = next(iter(trained.values())).cfg.data.name
     size = {"scenes": cfg.data.num_scenes, "keyframes": cfg.data.keyframes}
     studio = open_studio(Path(cfg.data.root), rig=rig, **size, seed=cfg.seed)

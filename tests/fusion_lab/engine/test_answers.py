@@ -10,6 +10,8 @@ from fusion_lab.engine.answers import Lab
 from fusion_lab.engine.detectors import offered
 from fusion_lab.engine.state import first_state
 from fusion_net.common.nuscenes_format import MODALITIES
+from tests.fixtures.training_setup import SMALL
+from tests.fixtures.untrained_run import write_run
 
 
 @pytest.fixture
@@ -91,4 +93,13 @@ def test_without_exact_depth_the_oracle_is_refused_with_the_reason(lab, studio, 
 def test_without_any_weights_a_line_says_what_to_do(monkeypatch, tmp_path):
     monkeypatch.setattr("fusion_lab.engine.detectors.SHIPPED", tmp_path)
     with pytest.raises(FileNotFoundError, match=r"train.py name=mine.*fusion_lab run=runs/mine"):
-        offered(None, "best")
+        offered([], "best")
+
+
+def test_runs_of_one_level_go_by_their_folders_and_those_of_other_sensors_are_refused(monkeypatch, tmp_path):
+    monkeypatch.setattr("fusion_lab.engine.detectors.SHIPPED", tmp_path)
+    one, two = (write_run(tmp_path / name, *SMALL) for name in ("one", "two"))
+    other = write_run(tmp_path / "other", *SMALL, "data=surround")
+    assert list(offered([str(one), str(two)], "best")) == ["mid", "two"]
+    with pytest.raises(ValueError, match="name runs of one data set"):
+        offered([str(one), str(other)], "best")

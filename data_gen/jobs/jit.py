@@ -49,7 +49,7 @@ class _Once(event.Listener):
     def on_start(self, event: event.Event) -> None:
         if not self.said:
             self.said = True
-            self.say("compiling the ray kernels: once, about half a minute")
+            self.say("compiling the ray kernels: once, about a quarter of a minute")
 
     def on_end(self, event: event.Event) -> None:
         pass

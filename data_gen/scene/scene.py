@@ -91,7 +91,7 @@ _TREES: dict[int, _Body] = {}
 def kernel_rays(origins: ArrayLike, directions: ArrayLike) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """``origins`` (N, 3) or (3,) and ``directions`` (N, 3) as the loops take them, each (N, 3). Both can be written to: what
     cannot is of another type to numba, which would compile everything once more for it."""
-    directions = np.require(directions, np.float32, "CW")
+    directions = np.require(directions, np.float32, ("C", "W"))
     return np.array(np.broadcast_to(origins, directions.shape), np.float32, order="C"), directions
 
 

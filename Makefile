@@ -1,4 +1,5 @@
-# make demo   everything from a fresh clone: environment, data, training, the table of what each sensor is worth
+# make demo   everything from a fresh clone: environment, data, training, the report of what each sensor is worth
+# make try    a few scenes, the shipped weights scored on them, a report to look at: three minutes, nothing is trained
 # make test   environment, lint, types, tests            make check   the same and the longer checks
 
 PYTHON ?= python3
@@ -8,12 +9,17 @@ NAME   ?= demo
 # MINUTES=5 ends the demo's training after so many minutes, annealed all the same: a shorter run than the README's table is of.
 MINUTES ?=
 
-.PHONY: demo test check check-slow lint devkit
+.PHONY: demo try test check check-slow lint devkit
 
 demo: $(VENV)/installed
 	$(RUN) -m data_gen data=nano
 	$(RUN) train.py experiment=nano name=$(NAME) $(if $(MINUTES),trainer.max_minutes=$(MINUTES))
 	$(RUN) eval.py run=runs/$(NAME)
+
+# Scenes of another seed than those of data/nano, which the shipped weights were trained on.
+try: $(VENV)/installed
+	$(RUN) -m data_gen data=nano data.root=data/try data.num_scenes=16 seed=2026 data.split_weights.train=0 data.split_weights.test=0
+	$(RUN) eval.py checkpoint=nano data.root=data/try
 
 test: lint
 	$(RUN) -m pytest -m "not slow"

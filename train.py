@@ -11,11 +11,12 @@ def main(cfg: DictConfig) -> None:
     from fusion_net.evaluate import evaluate_finished
     from fusion_net.fit import fit
     from fusion_net.reports.run_result import RESULT
-    from fusion_net.run_dir import is_finished, run_folder
+    from fusion_net.runs.late import with_detectors
+    from fusion_net.runs.run_dir import is_finished, run_folder
 
     folder = run_folder(cfg.name)
     if cfg.skip_finished:
-        if is_finished(folder, cfg):
+        if is_finished(folder, with_detectors(cfg)):
             print(f"{folder} is finished")
             if cfg.evaluate and not (folder / RESULT).exists():
                 evaluate_finished(folder)

@@ -81,7 +81,7 @@ def start(root: Path, cache: str) -> dict[str, float]:
     for data in (train, val):
         data.collate([data[0, place] for place in range(BATCH)])
     seconds, work = time.perf_counter() - begin, time.process_time() - work
-    sampler = StepSampler(len(train), batch_size=BATCH, steps=100)
+    sampler = StepSampler(range(len(train)), batch_size=BATCH, steps=100)
     for keys in sampler:
         train.collate([train[key] for key in keys])
     return {"samples": len(train) + len(val), "seconds": seconds, "cpu_seconds": work} | memory()

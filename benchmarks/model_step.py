@@ -16,7 +16,6 @@ from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 
 from fusion_net.data.batch import Batch
 from fusion_net.data.datamodule import keep_memory
-from fusion_net.models.encoders.camera_encoder import CameraEncoder
 from fusion_net.models.fusion_net import FusionNet
 from fusion_net.models.precision import autocast
 from fusion_net.training.optimizer import make_optimizer
@@ -40,9 +39,9 @@ class Step:
     """One training step, without Lightning and without a data loader."""
 
     def __init__(self, model: FusionNet, batch: Batch, *, frozen: bool) -> None:
-        camera = model.encoders["camera"]
-        assert isinstance(camera, CameraEncoder)
-        camera.freeze(frozen)
+        network = model.image_network
+        assert network is not None
+        network.freeze(frozen)
         self.model, self.batch, self.count = model.train(), batch, 0
         self.optimizer = make_optimizer(
             model, outputs=(model.head.heatmap[-1], model.head.box[-1]), lr=1e-3, weight_decay=0.01

@@ -26,9 +26,11 @@ from data_gen.jobs.shard import Shard
 from data_gen.jobs.workers import run_parallel
 from data_gen.recording import tables
 from data_gen.recording.record import record_scene
+from data_gen.recording.tokens import SCENE_US
 from data_gen.rig.coverage import sector_covered
 from data_gen.rig.rig import Rig
 from data_gen.scene.conditions import ConditionMix
+from data_gen.scene.scene import Scene
 from fusion_net.common.atomic import write_json
 from fusion_net.common.faults import Fault, FaultPlan
 from fusion_net.common.nuscenes_format import FILE_SUFFIX, MANIFEST_FILE, MAPS, SAMPLES, SWEEPS
@@ -82,29 +84,40 @@ class Job:
     faults: list[Fault] = field(default_factory=list)
 
     def __post_init__(self) -> None:
+        seconds, most = self.rig.duration(self.data.keyframes), SCENE_US * 1e-6
+        if seconds > most:
+            raise ValueError(f"keyframes={self.data.keyframes} last {seconds:.0f} s; a scene has time for {most:.0f} s")
         beams = {channel: lidar.model.beams for channel, lidar in self.rig.lidars.items()}
         FaultPlan(self.faults).check(self.rig.modalities, beams)
 
     def make(self, index: int, split: str) -> None:
         """Renders and writes one scene."""
-        name = scene_name(index)
-        seed = int(stream(self.seed, "scene", index).integers(2**62))
-        duration = self.rig.duration(self.data.keyframes)
-        layout = self.scenario.sample_layout(split, seed=seed)
-        scene = build_episode(
-            name=name,
-            layout=layout,
-            seed=seed,
-            duration=duration,
+        seed, layout = self.scene_seed(index), self.layout(index, split)
+        rows = record_scene(
+            self.scene(index, split), self.rig, root=Path(self.data.root), dataset=self.data.name, index=index,
+            keyframes=self.data.keyframes, seed=seed, layout=layout, faults=FaultPlan(self.faults, self.seed),
+        )  # fmt: skip
+        write_json(record_path(Path(self.data.root), index), rows)
+
+    def scene_seed(self, index: int) -> int:
+        """What all random values of a scene follow from."""
+        return int(stream(self.seed, "scene", index).integers(2**62))
+
+    def layout(self, index: int, split: str) -> str:
+        """The layout of a scene."""
+        return self.scenario.sample_layout(split, seed=self.scene_seed(index))
+
+    def scene(self, index: int, split: str) -> Scene:
+        """A scene, built and not yet measured."""
+        return build_episode(
+            name=scene_name(index),
+            layout=self.layout(index, split),
+            seed=self.scene_seed(index),
+            duration=self.rig.duration(self.data.keyframes),
             scenario=self.scenario,
             condition=self.condition,
             view=sector_covered(self.rig),
         )
-        rows = record_scene(
-            scene, self.rig, root=Path(self.data.root), dataset=self.data.name, index=index,
-            keyframes=self.data.keyframes, seed=seed, layout=layout, faults=FaultPlan(self.faults, self.seed),
-        )  # fmt: skip
-        write_json(record_path(Path(self.data.root), index), rows)
 
 
 def scene_name(index: int) -> str:

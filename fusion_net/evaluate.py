@@ -13,9 +13,10 @@ from torch.utils.data import DataLoader
 
 from fusion_net.common.checks import check_names
 from fusion_net.common.cli.command import build
-from fusion_net.common.cli.command_line import as_override
+from fusion_net.common.cli.command_line import as_override, job_folder
 from fusion_net.common.cli.composed import composed
 from fusion_net.data.datamodule import NuScenesDataset, make_loader
+from fusion_net.evaluation import late_calibration
 from fusion_net.evaluation.decoys import audit_decoys
 from fusion_net.evaluation.drop_table import SUBSETS, drop_table, predict
 from fusion_net.evaluation.result_folder import is_same_data, result_folder
@@ -23,15 +24,20 @@ from fusion_net.evaluation.scoring import GroundTruth, ground_truth
 from fusion_net.metrics.results import write_results
 from fusion_net.models.encoders.camera_encoder import DEPTH_SOURCES, CameraEncoder
 from fusion_net.models.fusion_net import FusionNet
+from fusion_net.models.late.late_fusion import LateFusion
 from fusion_net.models.precision import autocast
 from fusion_net.nuscenes.tables import manifest
 from fusion_net.reports import decoys
 from fusion_net.reports.audits.run import Auditor, chosen_audits
+from fusion_net.reports.evaluation import late_calibration as late_report
+from fusion_net.reports.evaluation.figures import Scored
+from fusion_net.reports.evaluation.page import REPORT, write_report
 from fusion_net.reports.plots import plot_drop_table
 from fusion_net.reports.run_result import RESULT, run_result, write_result
 from fusion_net.reports.tables import as_text, document, write_drop_table
-from fusion_net.run_dir import cut_short, environment, refuse_other_data
-from fusion_net.trained import Trained, ship, shipped, trained_run
+from fusion_net.runs.late import adapted
+from fusion_net.runs.run_dir import cut_short, environment, refuse_other_data
+from fusion_net.runs.trained import Trained, ship, shipped, trained_run
 from fusion_net.viz.picture_sheet import picture_sheet
 
 RESULTS = "results_nusc.json"
@@ -83,7 +89,7 @@ def evaluate_run(cfg: DictConfig) -> None:
         raise ValueError(f"audit_gate={cfg.audit_gate} must be a finite number of metres above 0; try audit_gate=2")
     if cfg.ship and not cfg.ship.endswith(".pt"):
         raise ValueError(f"ship={cfg.ship} is no file of weights; end it with .pt")
-    trained = _trained(cfg)
+    trained, changes = adapted(_trained(cfg), cfg.late)
     dataset = open_samples(trained, split=cfg.split, root=cfg.data.root, version=cfg.data.version, fault=cfg.fault)
     model = trained.model()
     changed = [f"{cfg.fault.name}_{cfg.fault.severity}"] if dataset.reader.faults else []
@@ -103,6 +109,7 @@ def evaluate_run(cfg: DictConfig) -> None:
         own_version=trained.cfg.data.get("version"),
         checkpoint="best" if trained.is_shipped else cfg.checkpoint,
         fault="+".join(changed),
+        variant=job_folder([f"{key}={value}" for key, value in changes.items()]) if changes else "",
     )
     truth = ground_truth(dataset)
     batches = make_loader(dataset, batch_size=cfg.batch_size)
@@ -112,6 +119,7 @@ def evaluate_run(cfg: DictConfig) -> None:
             print(f"split={split} of {root}: nothing to score against, {_no_labels(dataset)}; wrote {target}/{RESULTS}")
             return
         table = drop_table(model, batches, truth, seed=trained.cfg.seed, resamples=cfg.bootstrap)
+        honesty = _honesty(model, batches, truth)
     surroundings = environment()
     doc = document(
         table,
@@ -128,13 +136,21 @@ def evaluate_run(cfg: DictConfig) -> None:
         doc["notes"].append(f"the camera's features were lifted by depth_source={cfg.depth_source}")
     if cut := cut_short(trained.record):
         doc["notes"].append(cut)
+    if changes:
+        doc["late"] = changes
+        doc["notes"].append(
+            "late fusion other than it was trained: " + ", ".join(f"{k}={v}" for k, v in changes.items())
+        )
     audit = audit_decoys(truth, dataset.index, table.tables)
     if audit:
         doc["decoys"] = audit
     write_drop_table(target, doc)
     scored = {"checkpoint": trained.source.name, "data": dataset.fingerprint, "scenes": len(set(truth.scenes))}
-    write_result(target / Path(RESULT).name, run_result(trained.record, doc, table.resampled, scored=scored))
+    result = run_result(trained.record, doc, table.resampled, scored=scored)
+    write_result(target / Path(RESULT).name, result)
     decoys.write(target, audit)
+    if honesty is not None:
+        late_report.write(target, honesty)
     (target / "env.json").write_text(json.dumps(surroundings, indent=1) + "\n", encoding="utf-8")
     write_results(target / RESULTS, table.tables[0], tokens=truth.tokens, classes=dataset.classes)
     plot_drop_table(target / "drop_table.png", doc)
@@ -149,13 +165,28 @@ def evaluate_run(cfg: DictConfig) -> None:
                 target, model, dataset, truth, table, gate=cfg.audit_gate, resamples=cfg.bootstrap, sound=sound
             )
             print("\n" + "\n".join(done.line for done in auditor.write(audits)))
-    files = ["drop_table.{json,csv,md,png}", RESULTS, "pictures.png", *(["decoys.{csv,md}"] if audit else [])]
+    if cfg.report:
+        write_report(
+            target,
+            scored=Scored.of(truth, dataset.index, table),
+            dataset=dataset,
+            model=model,
+            doc=doc,
+            result=result,
+            metrics=trained.folder / "metrics.csv",
+            resamples=cfg.bootstrap,
+        )
+    files = ["report.{html,json}"] if cfg.report else []
+    files += ["drop_table.{json,csv,md,png}", RESULTS, "pictures.png", *(["decoys.{csv,md}"] if audit else [])]
     files += ["audits.md", "audits/"] if audits else []
+    files += ["late_calibration.{json,md}"] if honesty is not None else []
     print(f"\nwrote {target}/: {', '.join(files)}", file=sys.stderr)
     if cfg.ship:
         manifests = [manifest(nusc.root) for nusc in dataset.datasets]
         path = ship(Path(cfg.ship), trained, table=doc, manifests=manifests)
         print(f"wrote {path}: {path.stat().st_size / 1e6:.1f} MB", file=sys.stderr)
+    if cfg.report:
+        print(f"report: {target / REPORT}", flush=True)
 
 
 def lift_by(model: nn.Module, depth_source: str) -> None:
@@ -203,6 +234,11 @@ def _write_predictions(target: Path, model: FusionNet, batches: DataLoader, trut
     table = truth.table([found[token] for token in truth.tokens])
     target.mkdir(parents=True, exist_ok=True)
     write_results(target / RESULTS, table, tokens=truth.tokens, classes=truth.classes)
+
+
+def _honesty(model: FusionNet | LateFusion, batches: DataLoader, truth: GroundTruth) -> dict[str, Any] | None:
+    """How honest the covariances of late fusion are; None of another model."""
+    return late_calibration.report(model, batches, truth) if isinstance(model, LateFusion) else None
 
 
 def _no_labels(dataset: NuScenesDataset) -> str:

@@ -12,7 +12,7 @@ from hydra.core.hydra_config import HydraConfig
 from hydra.types import RunMode
 from lightning.pytorch.loggers import TensorBoardLogger
 from lightning.pytorch.strategies import StrategyRegistry
-from omegaconf import DictConfig
+from omegaconf import DictConfig, OmegaConf
 from torch.utils.data import DataLoader
 
 from fusion_net.common.checks import check_names
@@ -25,8 +25,16 @@ from fusion_net.evaluation.drop_table import SUBSETS
 from fusion_net.evaluation.scoring import ground_truth
 from fusion_net.models.fusion_net import FusionNet
 from fusion_net.models.precision import autocast, resolve
-from fusion_net.run_dir import NONFINITE, mark_finished, open_run, resume_step, run_folder
-from fusion_net.trained import initialise
+from fusion_net.runs.late import (
+    calibrate_checkpoints,
+    chosen_detectors,
+    held_out,
+    is_late,
+    take_weights,
+    with_detectors,
+)
+from fusion_net.runs.run_dir import NONFINITE, mark_finished, open_run, resume_step, run_folder
+from fusion_net.runs.trained import initialise
 from fusion_net.training.callbacks import LOG_EVERY, MetricsCSV, PlanCallback
 from fusion_net.training.interruption import Interruption, handlers_restored
 from fusion_net.training.module import DetectorModule
@@ -42,6 +50,7 @@ def fit(cfg: DictConfig) -> Path:
     suit the model, raise before anything is written. Ctrl-C and SIGTERM let the step end first and write
     ``checkpoints/last.ckpt``, from which ``resume=true`` goes on as if nothing had been, to the bit."""
     _check(cfg)
+    cfg = with_detectors(cfg)
     pl.seed_everything(cfg.seed, verbose=False)
     keep_memory()
     settings = cfg.trainer
@@ -49,8 +58,11 @@ def fit(cfg: DictConfig) -> Path:
     model = build(cfg.model, "model")
     if cfg.init is not None:
         initialise(model, cfg.init)
+    if is_late(cfg):
+        take_weights(model, cfg)
     train_set, val_set = _datasets(cfg)
-    plan = _plan(cfg)
+    places, _ = held_out(train_set, cfg.late.calibration_scenes) if is_late(cfg) else (list(range(len(train_set))), [])
+    plan = _plan(cfg, model)
     folder = run_folder(cfg.name)
     module = DetectorModule(
         model,
@@ -67,13 +79,13 @@ def fit(cfg: DictConfig) -> Path:
     val_batches = make_loader(val_set, settings.batch_size)
     trainer = _trainer(cfg, plan, folder, val_set, val_batches, first_step)
     ranks = trainer.num_devices * trainer.num_nodes
-    if len(train_set) < settings.batch_size * ranks:
+    if len(places) < settings.batch_size * ranks:
         raise ValueError(
-            f"{len(train_set)} training samples are fewer than trainer.batch_size={settings.batch_size} on each of {ranks}"
+            f"{len(places)} training samples are fewer than trainer.batch_size={settings.batch_size} on each of {ranks}"
             " devices; take a smaller batch or more data"
         )
     sampler = StepSampler(
-        len(train_set),
+        places,
         batch_size=settings.batch_size * ranks,
         steps=plan.total_steps,
         first=first_step,
@@ -87,9 +99,7 @@ def fit(cfg: DictConfig) -> Path:
             _try(model, train_set.collate([train_set[key] for key in keys]), next(iter(val_batches)))
         open_run(folder, cfg, data=train_set.fingerprint, resume=cfg.resume, overwrite=cfg.overwrite)
         parameters = sum(p.numel() for p in model.parameters()) / 1e6
-        print(
-            f"{folder}: {parameters:.2f} M parameters, {len(train_set)} training and {len(val_set)} validation samples"
-        )
+        print(f"{folder}: {parameters:.2f} M parameters, {len(places)} training and {len(val_set)} validation samples")
     try:
         with handlers_restored():
             trainer.fit(module, batches, ckpt_path=last if first_step else None, weights_only=True)
@@ -103,6 +113,8 @@ def fit(cfg: DictConfig) -> Path:
             " if memory ran out"
         ) from error
     if trainer.is_global_zero:
+        if is_late(cfg):
+            calibrate_checkpoints([folder / "checkpoints" / f"{name}.ckpt" for name in ("best", "last")], cfg)
         mark_finished(folder, steps=trainer.global_step, planned=plan.total_steps)
         if cfg.evaluate:
             evaluate_finished(folder)
@@ -118,6 +130,8 @@ def _check(cfg: DictConfig) -> None:
     for name in ("batch_size", "validate_every", "save_every"):
         if cfg.trainer[name] < 1:
             raise ValueError(f"trainer.{name}={cfg.trainer[name]} must be at least 1")
+    if cfg.painting != "learned" and OmegaConf.select(cfg, "model.encoders.camera.painting") is None:
+        raise ValueError(f"painting={cfg.painting}: this model paints no points; add model=early")
     if cfg.dataset.workers < 0:
         raise ValueError(f"dataset.workers={cfg.dataset.workers} is not a number of processes; 0 reads in this one")
 
@@ -143,20 +157,23 @@ def _try(model: FusionNet, train_batch: Batch, val_batch: Batch) -> None:
     """Shows a copy of the model one batch of each kind: what does not fit together is found before a run's folder is there,
     and not at the first validation, many minutes later."""
     trial = copy.deepcopy(model)
-    if "camera" in trial.encoders:
+    if trial.image_network is not None:
         trial.camera_loss(train_batch)
     trial.loss(trial(train_batch), train_batch)
     trial.eval()
     trial.decode(trial(val_batch))
 
 
-def _plan(cfg: DictConfig) -> TrainingPlan:
-    """The configured stages; without a camera, or with nothing else, its own fall away."""
+def _plan(cfg: DictConfig, model: FusionNet) -> TrainingPlan:
+    """The configured stages. The camera's fall away where no image network is to be trained, and where the camera's is not
+    one of several maps."""
     settings = cfg.trainer
+    learning = [name for name in model.encoders if name not in chosen_detectors(cfg.get("late"))]
+    sees_alone = "camera" in learning and len(learning) > 1
     steps = {
-        "camera": settings.camera_steps if "camera" in cfg.encoders else 0,
-        "camera_only": settings.camera_only_steps if "camera" in cfg.encoders and len(cfg.encoders) > 1 else 0,
-        "fusion": settings.fusion_steps,
+        "camera": settings.camera_steps if model.image_network is not None else 0,
+        "camera_only": settings.camera_only_steps if sees_alone else 0,
+        "fusion": settings.fusion_steps if learning else 1,  # late fusion of given detectors: there is nothing to learn
     }
     return TrainingPlan(
         steps=steps,

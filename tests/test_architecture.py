@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-PACKAGES = ("data_gen", "fusion_net")
+PACKAGES = ("data_gen", "fusion_net", "fusion_lab")
 LARGEST_FOLDER = 14
 """Entries of a folder of code, sub-folders included and ``__init__.py`` not counted."""
 
@@ -79,6 +79,19 @@ def test_the_network_never_imports_the_generator():
 
 def test_the_generator_imports_only_what_both_share():
     assert set(crossings("data_gen", "fusion_net")) == set(crossings("data_gen", "fusion_net.common"))
+
+
+def test_the_lab_is_above_both_and_nothing_imports_it():
+    assert crossings("fusion_lab", "fusion_net")
+    assert crossings("fusion_lab", "data_gen")
+    assert not crossings("fusion_net", "fusion_lab")
+    assert not crossings("data_gen", "fusion_lab")
+
+
+def test_only_the_page_of_the_lab_knows_the_browser():
+    """All else of it is tested without the extra."""
+    users = {module for module in MODULES if any(name.split(".")[0] == "nicegui" for name in imported_names(module))}
+    assert {module.rpartition(".")[0] for module in users} == {"fusion_lab.page"}
 
 
 def test_model_files_know_neither_hydra_nor_lightning():

@@ -21,7 +21,8 @@ ENVIRONMENT = os.environ | {"OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
 ASSET_SHEET = ["-m", "data_gen.pictures.asset_sheet"]
 DATA_GEN = ["-m", "data_gen", "data=nano", "workers=1"]
 SHEET, PREVIEW = ["-m", "data_gen.pictures.contact_sheet"], ["-m", "data_gen.pictures.rig_preview"]
-ABLATION = ["-m", "fusion_net.reports.ablation"]
+ABLATION, COMPARE = ["-m", "fusion_net.reports.ablation"], ["-m", "fusion_net.reports.compare"]
+TRACKS = ["-m", "fusion_net.reports.tracks"]
 STATISTICS, LIDAR_CHECK = ["-m", "fusion_net.reports.statistics"], ["-m", "fusion_net.viz.lidar_check"]
 TRAIN, EVAL = [str(PROJECT / "train.py"), "trainer=smoke"], [str(PROJECT / "eval.py")]
 
@@ -88,8 +89,14 @@ MISTAKES = [
     (TRAIN, "init=nanoo", "init=nanoo: no shipped weights nanoo; there are"),
     (ABLATION, "runs/sweeps/none", "no job of a sweep in runs/sweeps/none"),
     (ABLATION, "collect=true", "folder is needed; write folder=VALUE"),
+    (COMPARE, "runs/mine", "name two runs at least"),
+    (COMPARE, "runs/a runs/b", "no evaluation in runs/a; score the run: python eval.py run=runs/a"),
+    (COMPARE, "run=runs/a", "does not read 'run'"),
     (EVAL, "run=runs/nothing", "no run at runs/nothing"),
     (DATA_GEN, "data.num_scenes=0", "num_scenes=0"),
+    (DATA_GEN, "data=sequence data.keyframes=300", "keyframes=300 last 151 s; a scene has time for 100 s"),
+    (TRACKS, "split=val", "run is needed; write run=VALUE"),
+    (TRACKS, "run=runs/nothing", "no run at runs/nothing"),
     (DATA_GEN, "seed=abc", "seed=abc is not a whole number"),
     (DATA_GEN, "workers=-1", "workers=-1 is not a number of processes"),
     (DATA_GEN, "rig=nanoo", "did you mean nano?"),
@@ -330,7 +337,7 @@ def test_the_commands_that_messages_advise_can_be_given(tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "command",
-    [TRAIN, EVAL, DATA_GEN, SHEET, PREVIEW, STATISTICS, LIDAR_CHECK, ABLATION],
+    [TRAIN, EVAL, DATA_GEN, SHEET, PREVIEW, STATISTICS, LIDAR_CHECK, ABLATION, COMPARE],
     ids=lambda command: command[-1][-12:],
 )
 @pytest.mark.parametrize(

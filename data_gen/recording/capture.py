@@ -21,6 +21,14 @@ def capture(
 
     Of a dead sensor only keyframes come: what it would have measured there is what is labelled.
     """
+    for events in capture_events(rig, keyframes=keyframes, seed=seed, faults=faults):
+        yield from zip(events, sense_each(scene, events), strict=True)
+
+
+def capture_events(
+    rig: Rig, *, keyframes: int, seed: int, faults: SceneFaults | None = None
+) -> Iterator[list[CaptureEvent]]:
+    """The events of each keyframe, in the order of :func:`capture`."""
     start = keyframe_time(rig, 0, seed=seed)
     for index, due in enumerate(events_due(rig, keyframes, seed=seed)):
         events = []
@@ -28,7 +36,7 @@ def capture(
             active = faults.on(channel, index) if faults else SensorFaults()
             for number in numbers[-1:] if active.dead else numbers:
                 events.append(_event(rig, channel, number, seed, start, active, index, number == numbers[-1]))
-        yield from zip(events, sense_each(scene, events), strict=True)
+        yield events
 
 
 def _event(

@@ -47,7 +47,7 @@ class SceneWriter:
         self._root, self._layout = root, layout
         self._samples = names.sample_tokens(len(times))
         self._visibility = [Visibility(scene, t) for t in times.tolist()]
-        self._classes = np.array([class_id(actor.asset) for actor in scene.actors] + [0, 0], np.uint8)
+        self._classes = class_ids(scene)
         self._by_channel: dict[str, list[Row]] = {channel: [] for channel in rig.sensors}
         self._rows: dict[str, list[Row]] = {"sample_data": [], "ego_pose": []}
 
@@ -63,17 +63,8 @@ class SceneWriter:
         folder = SAMPLES if event.is_keyframe else SWEEPS
         name = f"{self._names.log}__{event.channel}__{stamp}{FILE_SUFFIX[modality]}"
         filename = f"{folder}/{event.channel}/{name}"
-        self._write_file(self._root / filename, modality, data.with_faults(event, stamp))
+        write_data(self._root / filename, modality, data.with_faults(event, stamp), self._classes)
         self._add_rows(event, stamp, filename)
-
-    def _write_file(self, path: Path, modality: str, data: Any) -> None:
-        match modality:
-            case "camera":
-                write_camera(path, data, self._classes)
-            case "lidar":
-                write_lidar(path, data)
-            case "radar":
-                write_radar(path, data)
 
     def _add_rows(self, event: CaptureEvent, stamp: int, filename: str) -> None:
         key = token(self._names.log, event.channel, stamp)
@@ -154,6 +145,22 @@ class SceneWriter:
              "prev": keys[k - 1], "next": keys[k + 1]}
             for k, t in enumerate(self._times.tolist(), start=1)
         ]  # fmt: skip
+
+
+def write_data(path: Path, modality: str, data: Any, classes: NDArray[np.uint8]) -> None:
+    """The file of what a sensor measured, and what lies beside it. ``classes`` (A + 2,) of :func:`class_ids`."""
+    match modality:
+        case "camera":
+            write_camera(path, data, classes)
+        case "lidar":
+            write_lidar(path, data)
+        case "radar":
+            write_radar(path, data)
+
+
+def class_ids(scene: Scene) -> NDArray[np.uint8]:
+    """(A + 2,) the value in a class image of each body index; NOTHING and WORLD, which index from the end, are 0."""
+    return np.array([class_id(actor.asset) for actor in scene.actors] + [0, 0], np.uint8)
 
 
 def class_id(asset: Asset) -> int:

@@ -5,6 +5,7 @@ that ray's time and keeps the nearest hit, so nothing is rebuilt between frames 
 It also yields, where asked to, which bodies a ray would have met had nothing stood in the way: the visibility of a label.
 """
 
+import copy
 import weakref
 from dataclasses import dataclass
 from functools import cached_property
@@ -135,6 +136,12 @@ class Scene:
         starts = np.cumsum([0, *(len(mesh.faces) for mesh in meshes[:-1])])
         first = dict(zip(trees, starts[1:].tolist(), strict=True))
         self._starts = np.array([first[id(actor.asset)] for actor in actors], np.int64)
+
+    def under(self, condition: Condition) -> "Scene":
+        """The same scene in other weather and light; who is there stays, and all that costs time is shared."""
+        other = copy.copy(self)
+        other.condition, other.wetness = condition, Wetness(condition.water_film)
+        return other
 
     @cached_property
     def reflectors(self) -> tuple[NDArray[np.int64], Scatterers]:

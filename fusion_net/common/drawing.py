@@ -109,8 +109,15 @@ def boxes_on_image(
     image: Image, boxes: Boxes, *, cam_K: NDArray, ego_T_cam: NDArray, color: Color, scale: float = 1.0
 ) -> None:
     """Ego boxes as wire frames on a camera's image that was enlarged by ``scale``; the front face has its diagonals."""
+    for a, b in _fixed(box_edges(boxes, cam_K=cam_K, ego_T_cam=ego_T_cam, scale=scale)).tolist():
+        cv2.line(image, a, b, color, 1, cv2.LINE_AA, _SHIFT)
+
+
+def box_edges(boxes: Boxes, *, cam_K: NDArray, ego_T_cam: NDArray, scale: float = 1.0) -> NDArray[np.float64]:
+    """The wire frames of ego boxes on a camera's image that was enlarged by ``scale``: pixels (E, 2, 2), start and end of each
+    edge, of those that are ahead; the front face has its diagonals."""
     if not len(boxes):
-        return
+        return np.zeros((0, 2, 2))
     corners = box_corners(boxes.center, boxes.wlh, boxes.yaw)
     corners = transform(np.linalg.inv(ego_T_cam), corners.reshape(-1, 3)).reshape(-1, 8, 3)
     edges = np.concatenate([EDGES, [(0, 3), (1, 2)]])
@@ -118,9 +125,7 @@ def boxes_on_image(
     ahead = np.maximum(start[:, 2], end[:, 2]) > NEAR
     start, end = start[ahead], end[ahead]
     start, end = _cut(start, end), _cut(end, start)
-    lines = [_fixed(np.clip(project(cam_K, points)[0] * scale, -5e3, 5e3)).tolist() for points in (start, end)]
-    for a, b in zip(*lines, strict=True):
-        cv2.line(image, a, b, color, 1, cv2.LINE_AA, _SHIFT)
+    return np.stack([np.clip(project(cam_K, points)[0] * scale, -5e3, 5e3) for points in (start, end)], axis=1)
 
 
 def dots(image: Image, pixels: NDArray[np.float64], color: ArrayLike, radius: int = 1) -> None:

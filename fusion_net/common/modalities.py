@@ -1,5 +1,6 @@
 """The kinds of sensors: which one a channel is of, and how tables and charts name and colour them."""
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 
@@ -16,6 +17,13 @@ STYLES = {
     "lidar": Modality("L", "LiDAR", "#2ca02c"),
     "radar": Modality("R", "radar", "#e6550d"),
 }
+
+
+def letters(sensors: Iterable[str]) -> str:
+    """A set of sensors as tables name it: C+L+R and so on."""
+    return "+".join(STYLES[name].letter for name in sensors)
+
+
 _OF_PREFIX = {"CAM": "camera", "LIDAR": "lidar", "RADAR": "radar"}
 
 

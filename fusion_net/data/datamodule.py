@@ -2,7 +2,7 @@
 
 import ctypes
 import signal
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from multiprocessing.reduction import ForkingPickler
 
@@ -159,25 +159,26 @@ def _stacked_images(images: list[NDArray[np.uint8]]) -> Tensor:
 
 
 class StepSampler(Sampler[list[tuple[int, int]]]):
-    """The keys (epoch, place) of each training step's batch. They follow from (seed, step) alone, so that a run that is
-    resumed before step ``first`` sees what an unbroken one sees. An epoch's last samples that fill no batch are left out.
+    """The keys (epoch, place) of each training step's batch, of the ``places`` alone. They follow from (seed, step) alone, so
+    that a run that is resumed before step ``first`` sees what an unbroken one sees. An epoch's last samples that fill no batch
+    are left out.
 
     To the training loop all ``steps`` are one long epoch, so loader processes start once. Of ``ranks`` processes that train
     together each takes its part of the batch.
     """
 
     def __init__(
-        self, length: int, *, batch_size: int, steps: int, first: int = 0, seed: int = 0, ranks: int = 1
+        self, places: Sequence[int], *, batch_size: int, steps: int, first: int = 0, seed: int = 0, ranks: int = 1
     ) -> None:
-        self.length, self.batch_size, self.steps, self.first, self.seed = length, batch_size, steps, first, seed
+        self.places, self.batch_size, self.steps, self.first, self.seed = places, batch_size, steps, first, seed
         self.ranks = ranks
         self._epoch, self._order = -1, np.arange(0)
 
     def keys(self, step: int) -> list[tuple[int, int]]:
         """Keys of one step's batch, of all ranks together."""
-        epoch, batch = divmod(step, self.length // self.batch_size)
+        epoch, batch = divmod(step, len(self.places) // self.batch_size)
         if epoch != self._epoch:
-            self._epoch, self._order = epoch, np.random.default_rng([self.seed, epoch]).permutation(self.length)
+            self._epoch, self._order = epoch, np.random.default_rng([self.seed, epoch]).permutation(self.places)
         return [(epoch, place) for place in self._order[batch * self.batch_size :][: self.batch_size].tolist()]
 
     def __iter__(self) -> Iterator[list[tuple[int, int]]]:

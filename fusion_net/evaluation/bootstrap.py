@@ -7,9 +7,10 @@ costs only new precision curves. Use the same resamples for all that is compared
 from collections.abc import Sequence
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
-from fusion_net.metrics.detection import DetectionMetric
+from fusion_net.metrics.detection import RECALL, DetectionMetric
 from fusion_net.metrics.matching import ClassMatches
 
 
@@ -30,10 +31,51 @@ def bootstrap_map(
     ap = np.zeros((len(copies), len(matches)))
     for k, match in enumerate(matches):
         if match.num_gt.any():
-            ap[:, k] = [metric.average_precision(match, row).mean() for row in copies]
+            ap[:, k] = average_precisions(metric, match, copies).mean(axis=1)
     counts = np.stack([copies @ match.num_gt for match in matches], axis=1)
     is_kept = (counts > 0) | ~np.array([match.num_gt.any() for match in matches])
     return (ap * is_kept).sum(axis=1) / np.maximum(is_kept.sum(axis=1), 1)
+
+
+def average_precisions(metric: DetectionMetric, match: ClassMatches, copies: NDArray[np.int64]) -> NDArray[np.float64]:
+    """(R, T) what ``metric.average_precision`` gives on each resample (R, S), many times as fast."""
+    first = round(100 * metric.min_recall) + 1
+    return _average_precisions(match.hit, match.sample, match.num_gt, copies, RECALL[first:], metric.min_precision)
+
+
+@njit(cache=True)
+def _average_precisions(hit, sample, num_gt, copies, at_recall, min_precision):
+    """Each prediction counts as often as its sample; precision between two recalls is straight, beyond the last one 0."""
+    ap = np.zeros((len(copies), len(hit)))
+    for r in range(len(copies)):
+        labels = (copies[r] * num_gt).sum()
+        length = copies[r][sample].sum()
+        if labels == 0 or length == 0:
+            continue
+        recall, precision = np.empty(length), np.empty(length)
+        for t in range(len(hit)):
+            hits, n = 0, 0
+            for p in range(len(sample)):
+                for _ in range(copies[r, sample[p]]):
+                    hits += hit[t, p]
+                    recall[n] = hits / labels
+                    precision[n] = hits / (n + 1)
+                    n += 1
+            if hits == 0:
+                continue
+            area, j = 0.0, 0
+            for x in at_recall:
+                if x > recall[-1]:
+                    break
+                while j + 1 < length and recall[j + 1] <= x:
+                    j += 1
+                value = precision[j]
+                if recall[j] < x:
+                    slope = (precision[j + 1] - precision[j]) / (recall[j + 1] - recall[j])
+                    value += slope * (x - recall[j])
+                area += max(value - min_precision, 0.0)
+            ap[r, t] = area / len(at_recall) / (1 - min_precision)
+    return ap
 
 
 def interval(values: NDArray[np.float64], level: float = 0.95) -> list[float]:

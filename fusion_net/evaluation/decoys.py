@@ -6,7 +6,7 @@ still, on the grid, in range and with at least one LiDAR or radar point.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -38,12 +38,9 @@ class Bodies:
     center: NDArray[np.float64]  # (N, 2)
     sample: NDArray[np.int64]  # (N,) index into the tokens of the labels
 
-    def of(self, label: int) -> "Bodies":
-        """Those of one class."""
-        kept = self.label == label
-        return Bodies(
-            self.label[kept], self.is_decoy[kept], self.is_compared[kept], self.center[kept], self.sample[kept]
-        )
+    def __getitem__(self, index) -> "Bodies":
+        """The bodies at an index array or mask."""
+        return Bodies(**{f.name: getattr(self, f.name)[index] for f in fields(self)})
 
 
 def audit_decoys(
@@ -56,7 +53,7 @@ def audit_decoys(
     matches = [truth.matches(table) for table in tables]
     audit: list[dict[str, Any]] = []
     for label in np.unique(bodies.label[bodies.is_decoy & bodies.is_compared]).tolist():
-        name, kind = truth.classes[label], bodies.of(label)
+        name, kind = truth.classes[label], bodies[bodies.label == label]
         real = ~kind.is_decoy[kind.is_compared]
         rows = []
         for sensors, table, match in zip(SUBSETS, tables, matches, strict=True):

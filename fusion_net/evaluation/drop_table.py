@@ -103,12 +103,18 @@ def describe(score: DetectionMetrics) -> dict[str, Any]:
 
 @torch.inference_mode()
 def predict(
-    model: Detector, batches: Iterable[Batch], *, subsets: Sequence[Sequence[str]] = SUBSETS, device: str = "cpu"
+    model: Detector,
+    batches: Iterable[Batch],
+    *,
+    subsets: Sequence[Sequence[str]] = SUBSETS,
+    device: str = "cpu",
+    show: bool = True,
 ) -> tuple[list[dict[str, Boxes]], list[float]]:
-    """Boxes by token for each subset, and its milliseconds per sample (forward and decoding; the median over batches)."""
+    """Boxes by token for each subset, and its milliseconds per sample (forward and decoding; the median over batches).
+    ``show``: a bar or lines of progress."""
     found: list[dict[str, Boxes]] = [{} for _ in subsets]
     times: list[list[float]] = [[] for _ in subsets]
-    for step, batch in enumerate(_progress(batches)):
+    for step, batch in enumerate(_progress(batches) if show else batches):
         batch = batch.to(device)
         for row, subset in enumerate(subsets):
             chosen = torch.tensor([name in subset for name in MODALITIES], device=device)

@@ -24,15 +24,17 @@ def result_folder(
     own_version: str | None = None,
     checkpoint: str = "best",
     fault: str = "",
+    variant: str = "",
 ) -> Path:
-    """RUN/eval[/SPLIT[@ROOT[/VERSION]]][/CHECKPOINT][/FAULT]: parts only for what differs from the split (of ``datasets``), the
-    data, the best checkpoint and the sound sensors of the run's own validation, so that no evaluation overwrites another."""
+    """RUN/eval[/SPLIT[@ROOT[/VERSION]]][/CHECKPOINT][/FAULT][/VARIANT]: parts only for what differs from the split (of
+    ``datasets``), the data, the best checkpoint, the sound sensors and the model of the run's own validation, so that no
+    evaluation overwrites another."""
     samples = ""
     if not is_same_data(root, own_root) or version not in (None, own_version):
         samples = f"{_name(split)}@{'+'.join(_name(_shown(path)) for path in _folders(root))}/{version or ''}"
     elif any(nusc.split_name(split) != nusc.split_name(own_split) for nusc in datasets):
         samples = _name(split)
-    return run / "eval" / samples / ("" if checkpoint == "best" else checkpoint) / fault
+    return run / "eval" / samples / ("" if checkpoint == "best" else checkpoint) / fault / variant
 
 
 def is_same_data(root: Roots, other: Roots) -> bool:

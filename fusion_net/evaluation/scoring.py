@@ -47,11 +47,11 @@ class GroundTruth:
         self._filter = BoxFilter(self.global_T_ego[:, :2, 3], [nusc.racks(token) for nusc, token in samples])
         annotations = [nusc.annotations(token, self.classes) for nusc, token in samples]
         configured = labelled(annotations)
-        counts = self._counts(configured)
+        counts = self.counts(configured)
         self.labels = configured[counts]
         self.visibility = np.concatenate([np.zeros(0, np.int64), *(each.visibility for each in annotations)])[counts]
         everything = labelled([nusc.annotations(token, CLASSES) for nusc, token in samples])
-        self.official_labels = everything[self._filter(everything, self.official_metric)]
+        self.official_labels = everything[self.counts_officially(everything)]
 
     def table(self, found: Sequence[Boxes]) -> SampleBoxes:
         """Predictions in the ego frame, one entry a token, as one table in the global frame: what a result file holds."""
@@ -64,7 +64,7 @@ class GroundTruth:
     def official_matches(self, found: SampleBoxes) -> list[ClassMatches]:
         """Who takes whom, over nuScenes' ten classes, on the grid or off it."""
         found = found.relabel(self.classes, CLASSES)
-        found = found[self._filter(found, self.official_metric)]
+        found = found[self.counts_officially(found)]
         return self.official_metric.match(self.official_labels, found, len(self.tokens))
 
     def official(self, found: SampleBoxes) -> DetectionMetrics:
@@ -72,16 +72,21 @@ class GroundTruth:
         return self.official_metric.summarise(self.official_matches(found))
 
     def counted(self, found: SampleBoxes) -> SampleBoxes:
-        """The predictions that are scored: those that nuScenes counts and whose centre is on the grid."""
-        return found[self._counts(found)]
+        """The predictions that are scored."""
+        return found[self.counts(found)]
 
     def in_ego(self, boxes: SampleBoxes) -> NDArray[np.float64]:
         """Centres (N, 3) in the ego frame of their sample."""
         ego_T_global = invert(self.global_T_ego)[boxes.sample]
         return np.einsum("nij,nj->ni", ego_T_global[:, :3, :3], boxes.boxes.center) + ego_T_global[:, :3, 3]
 
-    def _counts(self, boxes: SampleBoxes) -> NDArray[np.bool_]:
+    def counts(self, boxes: SampleBoxes) -> NDArray[np.bool_]:
+        """(N,) boxes of the configured classes that nuScenes counts and whose centre is on the grid."""
         return self._filter(boxes, self.metric) & self.grid.contains(self.in_ego(boxes)[:, :2])
+
+    def counts_officially(self, boxes: SampleBoxes) -> NDArray[np.bool_]:
+        """(N,) boxes of CLASSES that nuScenes counts, on the grid or off it."""
+        return self._filter(boxes, self.official_metric)
 
 
 def ground_truth(dataset: NuScenesDataset) -> GroundTruth:

@@ -6,6 +6,7 @@ Format: https://www.nuscenes.org/object-detection. The network predicts no attri
 import json
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,41 +56,60 @@ def write_results(
     sensors: Sequence[str] = MODALITIES,
 ) -> None:
     """Writes ``results_nusc.json``: every sample token a key, numbers exact, whole or not at all."""
-    boxes = found.boxes
+    boxes, attributes = found.boxes, found.attribute.tolist()
+    columns = (found.sample.tolist(), box_fields(boxes), boxes.label.tolist(), boxes.score.tolist(), attributes)
+    results: dict[str, list[dict]] = {token: [] for token in tokens}
+    for sample, fields, label, score, attribute in zip(*columns, strict=True):
+        kind = {"detection_name": classes[label], "detection_score": score, "attribute_name": attribute}
+        results[tokens[sample]].append({"sample_token": tokens[sample], **fields, **kind})
+    write_result_file(path, results, sensors=sensors)
+
+
+def read_results(path: Path, *, tokens: Sequence[str], classes: Sequence[str]) -> SampleBoxes:
+    """Predictions of a result file for the given samples and classes. ValueError when it is damaged or lacks a sample."""
+    results = read_result_file(path, tokens)
+    records = [[box for box in results[token] if box["detection_name"] in classes] for token in tokens]
+    return stack(
+        [boxes_of(boxes, classes, kind="detection") for boxes in records],
+        [np.array([box["attribute_name"] for box in boxes], dtype=np.str_) for boxes in records],
+        [np.array([box.get("num_pts", -1) for box in boxes], np.int64) for boxes in records],
+    )
+
+
+def box_fields(boxes: Boxes) -> list[dict]:
+    """What a result file of any task says of each box: translation, size, rotation and velocity, numbers exact."""
     half = boxes.yaw / 2
     rotation = np.stack([np.cos(half), np.zeros_like(half), np.zeros_like(half), np.sin(half)], axis=1)
-    columns = (
-        boxes.center,
-        boxes.wlh,
-        rotation,
-        np.nan_to_num(boxes.velocity),
-        boxes.label,
-        boxes.score,
-        found.attribute,
-    )
-    results: dict[str, list[dict]] = {token: [] for token in tokens}
-    for row, sample in enumerate(found.sample):
-        center, wlh, quaternion, velocity, label, score, attribute = (column[row].tolist() for column in columns)
-        results[tokens[sample]].append(
-            {
-                "sample_token": tokens[sample],
-                "translation": center,
-                "size": wlh,
-                "rotation": quaternion,
-                "velocity": velocity,
-                "detection_name": classes[label],
-                "detection_score": score,
-                "attribute_name": attribute,
-            }
-        )
+    columns = (boxes.center, boxes.wlh, rotation, np.nan_to_num(boxes.velocity))
+    names = ("translation", "size", "rotation", "velocity")
+    rows = zip(*(column.tolist() for column in columns), strict=True)
+    return [dict(zip(names, row, strict=True)) for row in rows]
+
+
+def boxes_of(records: list[dict], classes: Sequence[str], *, kind: Literal["detection", "tracking"]) -> Boxes:
+    """The boxes of one sample of a result file, whose names and scores are those of its task."""
+
+    def column(name: str, width: int) -> NDArray[np.float64]:
+        return np.array([record[name] for record in records], float).reshape(-1, width)
+
+    w, x, y, z = column("rotation", 4).T
+    yaw = np.arctan2(2 * (w * z + x * y), w * w + x * x - y * y - z * z)
+    label = np.array([classes.index(record[f"{kind}_name"]) for record in records], np.int64)
+    score = column(f"{kind}_score", 1)[:, 0]
+    boxes = column("translation", 3), column("size", 3), yaw, column("velocity", 2), label
+    return Boxes(*boxes, score, np.zeros((len(records), 2)))
+
+
+def write_result_file(path: Path, results: dict[str, list[dict]], *, sensors: Sequence[str]) -> None:
+    """Writes what was found by sample token, with what it was found with; whole or not at all."""
     meta = {f"use_{name}": name in sensors for name in (*MODALITIES, "map", "external")}
     partial = path.with_name(path.name + ".part")
     partial.write_text(json.dumps({"meta": meta, "results": results}), encoding="utf-8")
     partial.replace(path)
 
 
-def read_results(path: Path, *, tokens: Sequence[str], classes: Sequence[str]) -> SampleBoxes:
-    """Predictions of a result file for the given samples and classes. ValueError when it is damaged or lacks a sample."""
+def read_result_file(path: Path, tokens: Sequence[str]) -> dict[str, list[dict]]:
+    """Boxes by sample token. ValueError when the file is damaged or lacks one of the samples."""
     try:
         results = json.loads(path.read_bytes())["results"]
     except (json.JSONDecodeError, UnicodeDecodeError, KeyError, TypeError) as error:
@@ -99,24 +119,7 @@ def read_results(path: Path, *, tokens: Sequence[str], classes: Sequence[str]) -
         raise ValueError(
             f"{path} lacks {len(missing)} of {len(tokens)} samples, the first is {missing[0]!r}: another split?"
         )
-    records = [[box for box in results[token] if box["detection_name"] in classes] for token in tokens]
-    return stack(
-        [_boxes(boxes, classes) for boxes in records],
-        [np.array([box["attribute_name"] for box in boxes], dtype=np.str_) for boxes in records],
-        [np.array([box.get("num_pts", -1) for box in boxes], np.int64) for boxes in records],
-    )
-
-
-def _boxes(records: list[dict], classes: Sequence[str]) -> Boxes:
-    def column(name: str, width: int) -> NDArray[np.float64]:
-        return np.array([record[name] for record in records], float).reshape(-1, width)
-
-    w, x, y, z = column("rotation", 4).T
-    yaw = np.arctan2(2 * (w * z + x * y), w * w + x * x - y * y - z * z)
-    label = np.array([classes.index(record["detection_name"]) for record in records], np.int64)
-    score = column("detection_score", 1)[:, 0]
-    boxes = column("translation", 3), column("size", 3), yaw, column("velocity", 2), label
-    return Boxes(*boxes, score, np.zeros((len(records), 2)))
+    return results
 
 
 def _best(score: NDArray[np.float64], count: int) -> NDArray[np.int64] | slice:

@@ -14,7 +14,7 @@ from fusion_net.data.batch import Batch
 from fusion_net.models.blocks.layers import PRIOR_LOGIT
 from fusion_net.models.blocks.outputs import Encoded, Outputs
 from fusion_net.models.center_head import CenterHead
-from fusion_net.models.encoders.camera_encoder import CameraEncoder
+from fusion_net.models.encoders.image_network import ImageNetwork
 from fusion_net.models.encoders.radar_encoder import radial_velocity
 from fusion_net.models.fuser import Fuser
 from fusion_net.models.losses import DetectionLoss
@@ -22,14 +22,15 @@ from fusion_net.models.losses import DetectionLoss
 
 @beartype
 class FusionNet(nn.Module):
-    """Mid-level fusion. ``encoders``: by the names of MODALITIES; ``modalities`` keeps some of them.
+    """Mid-level fusion. ``encoders``: by the names of MODALITIES; ``modalities`` keeps some of them. ``inputs``: the sensors
+    that these may read, None for ``modalities``; more where one sensor's encoder reads another's data (early fusion).
 
     All BEV maps between the parts have ``bev_channels`` channels. ``velocity``: what the head regresses, the velocity or
     what is to be added to the radar's radial one, where there is radar. Where the losses weigh ``aux_heatmap``, each
     encoder's own map gets a heat map head for training.
     """
 
-    built: Tensor  # (M,) which sensors the model has an encoder for
+    built: Tensor  # (M,) which sensors the model reads
 
     def __init__(
         self,
@@ -43,6 +44,7 @@ class FusionNet(nn.Module):
         head: CenterHead,
         losses: DetectionLoss,
         velocity: Literal["direct", "radar_residual"],
+        inputs: list[str] | None = None,
     ) -> None:
         super().__init__()
         for name in modalities:
@@ -61,13 +63,14 @@ class FusionNet(nn.Module):
             self.views[name] = nn.Conv2d(bev_channels, head.num_classes, 1)
             nn.init.constant_(self.views[name].get_parameter("bias"), PRIOR_LOGIT)
         self.columns = [MODALITIES.index(name) for name in self.encoders]
-        self.register_buffer("built", torch.tensor([name in self.encoders for name in MODALITIES]), persistent=False)
+        read = modalities if inputs is None else inputs
+        self.register_buffer("built", torch.tensor([name in read for name in MODALITIES]), persistent=False)
         self.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
 
     def forward(self, batch: Batch, present: Tensor | None = None) -> Outputs:
         """Maps of a batch. ``present`` (B, M) overrules the batch's: modality dropout, or a row of the drop table.
 
-        A sensor without an encoder is absent, whatever the data holds: no other encoder may read it in its place.
+        A sensor that the model is not built with is absent, whatever the data holds: no encoder may read it.
         """
         batch = replace(batch, present=(batch.present if present is None else present) & self.built)
         present = batch.present[:, self.columns]
@@ -100,11 +103,20 @@ class FusionNet(nn.Module):
         is_frozen = outputs.image is not None and torch.is_grad_enabled() and not outputs.image.features.requires_grad
         return self.losses(replace(outputs, image=None) if is_frozen else outputs, batch)
 
+    @property
+    def image_network(self) -> ImageNetwork | None:
+        """What predicts in the image plane, whichever encoder has it; None in a model that has none."""
+        return next((part for part in self.encoders.modules() if isinstance(part, ImageNetwork)), None)
+
     def camera_loss(self, batch: Batch) -> dict[str, Tensor]:
-        """The camera's dense losses alone, at a third of a step's cost: for the stage before fusion."""
-        camera = self.encoders["camera"]
-        assert isinstance(camera, CameraEncoder)
-        return self.losses.total(self.losses.image_terms(camera.perceive(batch), batch))
+        """The dense losses of the image network alone, at a third of a step's cost: for the stage before fusion."""
+        network = self.image_network
+        assert network is not None
+        return self.losses.total(self.losses.image_terms(network(batch), batch))
+
+    def output_layers(self) -> list[nn.Module]:
+        """The last layers, whose rows mean different things."""
+        return [self.head.heatmap[-1], self.head.box[-1]]
 
     def decode(self, outputs: Outputs) -> list[Boxes]:
         """Boxes of each sample in the ego frame, best first."""

@@ -56,6 +56,14 @@ def samples_of_split(
     return [(nusc, token) for nusc, token in samples if nusc.scene(token)["token"] in kept[_whole(nusc)]]
 
 
+def sample_of_split(datasets: Sequence[NuScenes], name: str, number: int) -> tuple[NuScenes, str]:
+    """The sample with this number of a split, from 0. ValueError when there is none."""
+    samples = samples_of_split(datasets, name)
+    if not 0 <= number < len(samples):
+        raise ValueError(f"sample={number}: split {name} has samples 0 to {len(samples) - 1}")
+    return samples[number]
+
+
 def _open(folder: Path, version: str | None, mapped: bool) -> list[NuScenes]:
     found = {path: match for path in sorted(folder.glob("shard-*")) if (match := SHARD.fullmatch(path.name))}
     if not found or (folder / MANIFEST_FILE).exists():

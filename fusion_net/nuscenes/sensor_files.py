@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fusion_net.common.nuscenes_format import CLASS_SUFFIX, DEPTH_SUFFIX, FILE_SUFFIX, RADAR_FIELDS, TIME_SUFFIX
+from fusion_net.nuscenes.kept_files import kept
 
 LABEL_TYPES = {DEPTH_SUFFIX: "uint16", CLASS_SUFFIX: "uint8"}
 """Of the pictures beside an image: the type of a pixel, one value each."""
@@ -19,6 +20,7 @@ _PCD_KINDS = {"F": "f", "I": "i", "U": "u"}
 _DEFAULT_FILTER = {"invalid_state": (0,), "dyn_prop": tuple(range(7)), "ambig_state": (3,)}
 
 
+@kept
 def read_lidar(path: Path) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Points (P, 5) x, y, z in the sensor frame, intensity 0..255, ring; and the time (P,) of each in seconds
     relative to the sweep's stamp, 0 where no ``.time.npy`` lies beside the ``.pcd.bin``. An empty file is an empty
@@ -39,6 +41,7 @@ def read_lidar(path: Path) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     return points, time
 
 
+@kept
 def read_radar(path: Path, *, default_filter: bool = False) -> NDArray[np.void]:
     """Detections as a structured array with nuScenes' 18 fields, in the sensor frame. Records of NaN (an empty scan)
     are left out; ``default_filter`` also leaves out what nuScenes' own loader does: invalid, ambiguous or unknown
@@ -70,11 +73,13 @@ def _pcd_layout(head: bytes) -> tuple[np.dtype, int] | None:
     return (dtype, count) if dtype.names == tuple(name for name, _, _ in RADAR_FIELDS) else None
 
 
+@kept
 def read_image(path: Path, size: tuple[int, int]) -> NDArray[np.uint8]:
     """RGB image (H, W, 3) of the size (H, W) that its record says."""
     return np.asarray(cv2.cvtColor(_decode(path, cv2.IMREAD_COLOR, size), cv2.COLOR_BGR2RGB), np.uint8)
 
 
+@kept
 def read_labels(path: Path, suffix: str, size: tuple[int, int]) -> NDArray | None:
     """The picture ``<stem><suffix>`` of one of LABEL_TYPES beside an image of a size (H, W); None where there is none."""
     side_file = path.with_suffix(suffix)

@@ -12,9 +12,9 @@ from omegaconf import DictConfig
 
 from fusion_net.common.cli.command import command
 from fusion_net.nuscenes.datasets import open_datasets, samples_of_split
-from fusion_net.reports.dataset_page import render_page
-from fusion_net.reports.dataset_summary import summarize
-from fusion_net.reports.dataset_survey import survey
+from fusion_net.reports.dataset.page import render_page
+from fusion_net.reports.dataset.summary import summarize
+from fusion_net.reports.dataset.survey import survey
 
 
 def write_statistics(

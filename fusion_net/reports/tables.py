@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from fusion_net.common.modalities import STYLES
-from fusion_net.evaluation.drop_table import DropTable
+from fusion_net.common.modalities import letters
+from fusion_net.evaluation.drop_table import SUBSETS, DropTable
 from fusion_net.evaluation.scoring import FOOTNOTES
 from fusion_net.metrics.matching import TP_ERRORS
 
@@ -41,7 +41,11 @@ def write_drop_table(folder: Path, doc: dict[str, Any]) -> None:
 
 def name_of(sensors: Sequence[str]) -> str:
     """C+L+R and so on; "random" for no sensor at all."""
-    return "+".join(STYLES[name].letter for name in sensors) or "random"
+    return letters(sensors) or "random"
+
+
+NAMES = tuple(name_of(subset) for subset in SUBSETS)
+"""Of the rows of a drop table, in its order."""
 
 
 def as_text(doc: dict[str, Any]) -> str:
@@ -80,9 +84,9 @@ def _scores(doc: dict[str, Any]) -> list[list[str]]:
         [
             name_of(row["sensors"]),
             number(row["mAP"]),
-            _interval(row["mAP_ci95"]),
+            interval_text(row["mAP_ci95"]),
             "" if row is doc["rows"][0] else f"{row['delta_mAP']:+.3f}",
-            "" if row is doc["rows"][0] else _interval(row["delta_mAP_ci95"]),
+            "" if row is doc["rows"][0] else interval_text(row["delta_mAP_ci95"]),
             number(row["NDS"]),
             *(number(row[name]) for name in TP_ERRORS),
             number(row["mAP_official"]),
@@ -118,7 +122,8 @@ def number(value: float | None) -> str:
     return "-" if value is None else f"{value:.3f}"
 
 
-def _interval(ends: Sequence[float]) -> str:
+def interval_text(ends: Sequence[float]) -> str:
+    """Both ends with three decimals."""
     return f"[{ends[0]:.3f}, {ends[1]:.3f}]"
 
 

@@ -13,13 +13,15 @@ from fusion_net.models.fusion_net import FusionNet
 
 
 def gradient_norms(model: FusionNet) -> dict[str, Tensor]:
-    """Euclidean norm of the gradient of each encoder by its name, of the "rest", and of "all". A part without a gradient,
-    because it is frozen or has no place in the stage, is left out."""
+    """Euclidean norm of the gradient of each encoder, or detector of late fusion, by its name, of the "rest", and of "all". The
+    image network is the camera's, whichever encoder it is in. A part without a gradient, because it is frozen or has no place
+    in the stage, is left out."""
     grads: dict[str, list[Tensor]] = {}
     for name, parameter in model.named_parameters():
         if parameter.grad is not None:
-            top, below = name.split(".")[:2]
-            grads.setdefault(below if top == "encoders" else "rest", []).append(parameter.grad)
+            top, below, *_ = parts = name.split(".")
+            part = "camera" if "image_network" in parts else below if top in ("encoders", "detectors") else "rest"
+            grads.setdefault(part, []).append(parameter.grad)
     norms = {part: _norm(list(torch._foreach_norm(each))) for part, each in grads.items()}
     return norms | {"all": _norm(list(norms.values()))}
 

@@ -12,7 +12,6 @@ from typing import NamedTuple
 import torch
 
 from fusion_net.data.batch import Batch
-from fusion_net.models.encoders.camera_encoder import CameraEncoder
 from fusion_net.models.fusion_net import FusionNet
 from fusion_net.training.plan import STAGES, Stage, TrainingPlan
 
@@ -92,9 +91,8 @@ def fusion_surplus(
     Tried on a copy of the model, which is left as it is. ``context``: the trainer's, of its number format.
     """
     camera, whole = copy.deepcopy(model), copy.deepcopy(model)
-    encoder = whole.encoders["camera"]
-    if freeze_camera and isinstance(encoder, CameraEncoder):
-        encoder.freeze(True)
+    if freeze_camera and whole.image_network is not None:
+        whole.image_network.freeze(True)
 
     def seconds(loss: Callable[[], torch.Tensor]) -> float:
         times = []

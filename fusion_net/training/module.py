@@ -8,7 +8,6 @@ import torch
 
 from fusion_net.common.nuscenes_format import MODALITIES
 from fusion_net.data.batch import Batch
-from fusion_net.models.encoders.camera_encoder import CameraEncoder
 from fusion_net.models.fusion_net import FusionNet
 from fusion_net.training.diagnostics import gradient_norms, save_nonfinite
 from fusion_net.training.modality_dropout import sample_present
@@ -17,7 +16,7 @@ from fusion_net.training.plan import Stage
 
 
 class DetectorModule(pl.LightningModule):
-    """Wraps a detector (``forward``, ``loss``, and ``camera_loss`` where there is a camera) for Lightning.
+    """Wraps a detector (``forward``, ``loss``, and ``camera_loss`` where there is an image network) for Lightning.
 
     ``modality_dropout`` acts from the fraction ``dropout_from`` of the fusion stage; ``freeze_camera`` lets the camera's
     image plane rest in it. ``scalars`` has the last step's losses and fractions of samples that kept each sensor, by name;
@@ -50,10 +49,10 @@ class DetectorModule(pl.LightningModule):
 
     def enter(self, stage: Stage, progress: float) -> None:
         """Told before each step where the plan is."""
-        camera = dict(self.model.encoders.items()).get("camera")
+        network = self.model.image_network
         frozen = stage != "camera" and self.freeze_camera
-        if isinstance(camera, CameraEncoder) and camera.frozen != frozen:
-            camera.freeze(frozen)
+        if network is not None and network.frozen != frozen:
+            network.freeze(frozen)
         self.stage, self.progress = stage, progress
 
     def training_step(self, batch: Batch, batch_idx: int) -> torch.Tensor:
@@ -102,5 +101,6 @@ class DetectorModule(pl.LightningModule):
 
     def configure_optimizers(self) -> torch.optim.Optimizer:
         """Muon and AdamW under one rate, which the plan sets at each step."""
-        outputs = (self.model.head.heatmap[-1], self.model.head.box[-1])
-        return make_optimizer(self.model, outputs=outputs, lr=self.max_lr, weight_decay=self.weight_decay)
+        return make_optimizer(
+            self.model, outputs=self.model.output_layers(), lr=self.max_lr, weight_decay=self.weight_decay
+        )

@@ -13,7 +13,6 @@ from fusion_net.common.nuscenes_format import MODALITIES
 from fusion_net.data.batch import Batch
 from fusion_net.data.datamodule import NuScenesDataset
 from fusion_net.models.blocks.outputs import Encoded, ImagePredictions, Outputs
-from fusion_net.models.encoders.camera_encoder import CameraEncoder
 from fusion_net.models.fusion_net import FusionNet
 from fusion_net.viz.picture_sheet import CAPTION, FOUND, LABEL, draw_sample, montage
 
@@ -103,11 +102,10 @@ def _observed(model: FusionNet, batch: Batch) -> tuple[Outputs, dict[str, NDArra
 
 def _most_likely_depth(model: FusionNet, image: ImagePredictions | None) -> NDArray[np.float32] | None:
     """Metres (B, N, h, w) at the centres of the bins; None without a camera."""
-    if image is None:
+    network = model.image_network
+    if image is None or network is None:
         return None
-    camera = model.encoders["camera"]
-    assert isinstance(camera, CameraEncoder)
-    return camera.image_network.bins.centers().numpy()[image.depth_logits.argmax(dim=2).cpu().numpy()]
+    return network.bins.centers().numpy()[image.depth_logits.argmax(dim=2).cpu().numpy()]
 
 
 def _depth_row(predicted: NDArray[np.float32], batch: Batch, sample: int, width: int) -> Image:

@@ -22,7 +22,7 @@ from fusion_net.common.drawing import BEVPanel, Image, boxes_on_image, depth_col
 from fusion_net.common.nuscenes_format import DEPTH_SCALE, DEPTH_SUFFIX, REFERENCE
 from fusion_net.data.readable import refuse_missing_files
 from fusion_net.data.samples import Sample, SampleReader
-from fusion_net.nuscenes.datasets import open_datasets, samples_of_split
+from fusion_net.nuscenes.datasets import open_datasets, sample_of_split
 from fusion_net.nuscenes.nuscenes import NuScenes
 from fusion_net.nuscenes.sensor_files import read_labels
 from fusion_net.nuscenes.table_fields import Record
@@ -154,10 +154,7 @@ def write_check(
     """Draws the keyframe ``sample`` of a split and writes the picture; returns its path."""
     if not abs(error_deg) <= STEEPEST:
         raise ValueError(f"error_deg={error_deg} is not within {STEEPEST:g} degrees; try error_deg=0.5")
-    samples = samples_of_split(open_datasets(root, version), split)
-    if not 0 <= sample < len(samples):
-        raise ValueError(f"sample={sample}: split {split} has samples 0 to {len(samples) - 1}")
-    nusc, token = samples[sample]
+    nusc, token = sample_of_split(open_datasets(root, version), split, sample)
     refuse_missing_files([(nusc, token)], SampleReader(label_stride=None))
     path = picture_file(out, formats=(".png", ".jpg"))
     points = SampleReader(cameras=[], label_stride=None).read(nusc, token)
@@ -168,7 +165,7 @@ def write_check(
     sheet = draw_sample(points, views, lidar_place=place, grid=grid, error_deg=error_deg, moving=follow)
     if not cv2.imwrite(str(path), sheet[..., ::-1]):
         raise OSError(f"out={path} could not be written")
-    print(f"{path}: sample {sample} of {len(samples)}, scene {nusc.scene(token)['name']}")
+    print(f"{path}: sample {sample} of {split}, scene {nusc.scene(token)['name']}")
     return path
 
 

@@ -1,14 +1,16 @@
 """One picture of eight samples: what the camera saw, what LiDAR and radar measured, what is there and what was found."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import cv2
 import numpy as np
 
+from fusion_net.common.bev_grid import BEVGrid
 from fusion_net.common.boxes import Boxes
 from fusion_net.common.drawing import BEVPanel, Color, Image, boxes_on_image
 from fusion_net.common.geometry import invert, project, transform
+from fusion_net.common.nuscenes_format import MODALITIES
 from fusion_net.data.datamodule import NuScenesDataset
 from fusion_net.data.samples import Sample
 
@@ -31,7 +33,7 @@ def picture_sheet(
     path: Path, dataset: NuScenesDataset, found: Mapping[str, Boxes], *, samples: int = 8, min_score: float = 0.3
 ) -> None:
     """Writes the sheet. ``found``: predictions by token in the ego frame; the samples are spread evenly over the split."""
-    places = np.unique(np.linspace(0, len(dataset) - 1, samples).round().astype(int)).tolist() if len(dataset) else []
+    places = spread_evenly(len(dataset), samples)
     tiles = []
     for place in places:
         sample = dataset[place]
@@ -44,23 +46,41 @@ def picture_sheet(
         raise OSError(f"could not write {path}")
 
 
+def spread_evenly(length: int, count: int) -> list[int]:
+    """Up to ``count`` places of a sequence, from its first to its last."""
+    return np.unique(np.linspace(0, length - 1, count).round().astype(int)).tolist() if length else []
+
+
 def draw_sample(sample: Sample, found: Boxes, dataset: NuScenesDataset) -> Image:
     """One tile: the cameras with labels, the same with predictions, and the ground from above with both. Without a camera
     only the ground."""
+    cameras = draw_cameras(sample, found, dataset.classes)
+    tile = np.concatenate([cameras, draw_ground(sample, found, dataset.grid, height=len(cameras))], axis=1)
+    return np.pad(tile, ((3, 3), (3, 3), (0, 0)))
+
+
+def draw_cameras(sample: Sample, found: Boxes, classes: list[str]) -> Image:
+    """The cameras with labels above the same with predictions; nothing, ``ALONE`` pixels high, where there is no camera."""
+    if not len(sample.images):
+        return np.zeros((ALONE, 0, 3), np.uint8)
     both = ((sample.boxes, LABEL), (found, FOUND))
-    cameras = np.zeros((ALONE, 0, 3), np.uint8)
-    if len(sample.images):
-        cameras = np.concatenate([_cameras(sample, boxes, color, dataset.classes) for boxes, color in both])
-    grid = dataset.grid
-    panel = BEVPanel(grid, scale=len(cameras) / (grid.x_max - grid.x_min))
+    return np.concatenate([_cameras(sample, boxes, color, classes) for boxes, color in both])
+
+
+def draw_ground(
+    sample: Sample, found: Boxes, grid: BEVGrid, *, height: int, sensors: Sequence[str] = MODALITIES
+) -> Image:
+    """The ground from above with labels, predictions and what these sensors measured, ``height`` pixels high."""
+    panel = BEVPanel(grid, scale=height / (grid.x_max - grid.x_min))
     ground = panel.canvas()
-    panel.points(ground, sample.lidar_points[:, :2], LIDAR)
-    panel.points(ground, sample.radar_points[:, :2], RADAR, radius=2)
-    panel.arrows(ground, sample.radar_points[:, :2], sample.radar_points[:, 4:6] / 2, RADAR)
+    if "lidar" in sensors:
+        panel.points(ground, sample.lidar_points[:, :2], LIDAR)
+    if "radar" in sensors:
+        panel.points(ground, sample.radar_points[:, :2], RADAR, radius=2)
+        panel.arrows(ground, sample.radar_points[:, :2], sample.radar_points[:, 4:6] / 2, RADAR)
     panel.boxes(ground, sample.boxes, LABEL)
     panel.boxes(ground, found, FOUND)
-    tile = np.concatenate([cameras, ground], axis=1)
-    return np.pad(tile, ((3, 3), (3, 3), (0, 0)))
+    return ground
 
 
 def _cameras(sample: Sample, boxes: Boxes, color: Color, classes: list[str]) -> Image:

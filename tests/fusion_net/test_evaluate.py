@@ -10,7 +10,7 @@ from hydra import compose, initialize_config_dir
 from fusion_net.common.cli.command import CONFIGS, build
 from fusion_net.evaluate import evaluate_run
 from fusion_net.reports.audits.run import AUDITS
-from fusion_net.run_dir import open_run
+from fusion_net.runs.run_dir import open_run
 from tests.fixtures.training_setup import settings, write_data
 
 SPLITS = {"train": ["scene-0000"], "mini_val": ["scene-0001"], "holdout": ["scene-0002"], "test": ["scene-0003"]}

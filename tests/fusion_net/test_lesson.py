@@ -8,6 +8,7 @@ from fusion_net.common import geometry
 from fusion_net.common.bev_grid import BEVGrid
 from fusion_net.models.blocks.depth_bins import DepthBins
 from fusion_net.models.encoders.lift_splat import LiftSplat
+from fusion_net.models.encoders.painting import paint_points
 from fusion_net.nuscenes.ego_path import EgoPath
 from fusion_net.nuscenes.nuscenes import NuScenes
 from tests.fixtures.tiny_tree import START, write_tree
@@ -40,6 +41,30 @@ def test_a_mount_half_a_degree_off_moves_the_painted_pixel_by_nine(axis, moved):
     shift = pixels(CAM_T_LIDAR @ geometry.from_rpy(**turn), ahead) - pixels(CAM_T_LIDAR, ahead)
     # The LiDAR is 0.2 m beside the camera, so turning it also carries the point 1.7 mm along the optical axis.
     np.testing.assert_allclose(shift, [moved], atol=0.01)
+
+
+def painted(points, scores, cam_T_lidar=CAM_T_LIDAR):
+    """What the lesson's ``paint_points`` returns for one image's scores (H, W, C), and the flag of the unseen."""
+    camera = (torch.tensor(matrix)[None, None] for matrix in (CAM_K, cam_T_lidar))
+    return paint_points(torch.tensor(points), scores[None, None], *camera)
+
+
+def test_a_painted_point_keeps_its_columns_and_gets_the_scores_of_its_pixel():
+    scores = torch.zeros(1080, 1920, 3)
+    scores[477, 1060] = torch.tensor([0.91, 0.02, 0.01])  # car, pedestrian, road
+    found = painted([[8.0, 1.0, 0.5, 0.3]], scores)
+    torch.testing.assert_close(found, torch.tensor([[8.0, 1.0, 0.5, 0.3, 0.91, 0.02, 0.01, 0.0]]))
+
+
+def test_half_a_degree_paints_the_edge_of_a_car_with_the_road_beside_it():
+    """Points of a car 8 m ahead, 5 and 12 px within its left edge in the picture: the error of 8.7 px takes the first."""
+    scores = torch.zeros(1080, 1920, 2)
+    scores[..., 1] = 1.0  # road
+    scores[400:600, 800:1100] = torch.tensor([1.0, 0.0])  # car
+    points = [[8.0, 0.2 + 8 * (column + 0.5 - 960) / 1000, 0.0] for column in (804, 811)]
+    turned = CAM_T_LIDAR @ geometry.from_yaw(np.radians(-0.5))
+    assert painted(points, scores)[:, 3].tolist() == [1.0, 1.0]
+    assert painted(points, scores, turned)[:, 3].tolist() == [0.0, 1.0]
 
 
 def test_half_a_degree_moves_a_farther_point_by_as_many_pixels():

@@ -30,8 +30,12 @@ COMMANDS = {
     "rig_preview": "python -m data_gen.pictures.rig_preview",
     "ablation": "python -m fusion_net.reports.ablation",
     "claims": "python -m fusion_net.reports.claims",
+    "compare": "python -m fusion_net.reports.compare",
+    "levels": "python -m fusion_net.reports.levels",
     "statistics": "python -m fusion_net.reports.statistics",
     "lidar_check": "python -m fusion_net.viz.lidar_check",
+    "painting": "python -m fusion_net.viz.painting",
+    "lab": "python -m fusion_lab",
 }
 """The command of each file in ``configs/``."""
 

@@ -56,15 +56,6 @@ class CameraEncoder(nn.Module):
         self.norm = nn.BatchNorm2d(channels)
         self.refine = ConvBlock(channels, channels)
 
-    @property
-    def frozen(self) -> bool:
-        """Whether the image network is frozen."""
-        return self.image_network.frozen
-
-    def freeze(self, frozen: bool) -> None:
-        """Stop (or resume) training the image network; the part after the lift keeps learning."""
-        self.image_network.freeze(frozen)
-
     def forward(self, batch: Batch) -> Encoded:
         """The lifted map, with the image predictions for their dense losses."""
         predictions = self.perceive(batch)

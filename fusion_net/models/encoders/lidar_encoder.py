@@ -40,7 +40,7 @@ class LidarEncoder(nn.Module):
     that follow LIDAR_CHANNELS (painted class scores).
     """
 
-    def __init__(self, *, grid: BEVGrid, channels: int, pillar: float, features: int, extra_channels: int) -> None:
+    def __init__(self, *, grid: BEVGrid, channels: int, pillar: float, features: int, extra_channels: int = 0) -> None:
         super().__init__()
         ratio = round(grid.cell / pillar)
         if ratio not in (1, 2, 4) or abs(ratio * pillar - grid.cell) > 1e-6:

@@ -15,14 +15,16 @@ from fusion_net.reports.ablation.compare import compare
 from fusion_net.reports.ablation.jobs import collect, find_jobs
 from fusion_net.reports.ablation.pages import as_markdown, as_text
 from fusion_net.reports.ablation.plot import plot_ablation
+from fusion_net.reports.ablation.web_page import as_html
 from fusion_net.reports.run_result import rounded
 
 
 def write_ablation(
     folder: Path, *, results: Path | None, pages: Path, keep: bool = False, reference: str | None = None
 ) -> Path:
-    """Writes ``ablation.{md,json,png}`` of the jobs in ``folder`` and in ``results``/NAME, both together: into ``folder``, or
-    with ``keep`` into ``pages``/NAME after the jobs' results went to ``results``/NAME. Returns the folder written to."""
+    """Writes ``ablation.{md,json,png,html}`` of the jobs in ``folder`` and in ``results``/NAME, both together: into ``folder``,
+    or with ``keep``, without the HTML, into ``pages``/NAME after the jobs' results went to ``results``/NAME. Returns the folder
+    written to."""
     if keep and results is None:
         raise ValueError("collect=true needs the folder that results are committed in; write results=DIR")
     committed = Path("/nonexistent") if results is None else results / folder.name
@@ -40,8 +42,10 @@ def write_ablation(
     (target / "ablation.json").write_text(json.dumps(rounded(doc), indent=1) + "\n", encoding="utf-8")
     (target / "ablation.md").write_text(as_markdown(doc), encoding="utf-8")
     plot_ablation(target / "ablation.png", doc)
+    if not keep:
+        (target / "ablation.html").write_text(as_html(doc), encoding="utf-8")
     print(as_text(doc))
-    print(f"\nwrote {target}/ablation.{{md,json,png}}", file=sys.stderr)
+    print(f"\nwrote {target}/ablation.{{md,json,png{'' if keep else ',html'}}}", file=sys.stderr)
     return target
 
 

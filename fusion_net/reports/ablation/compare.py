@@ -5,7 +5,7 @@ resamples. A draw of the two-level bootstrap takes one of them, and as many seed
 are paired by both: the same scenes, the same seeds.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,12 +13,10 @@ from numpy.typing import NDArray
 
 from fusion_net.common.cli.overrides import CONFIGS
 from fusion_net.evaluation.bootstrap import interval
-from fusion_net.evaluation.drop_table import SUBSETS
 from fusion_net.reports.ablation.jobs import Job
 from fusion_net.reports.run_result import SCALE
-from fusion_net.reports.tables import name_of
+from fusion_net.reports.tables import NAMES, name_of
 
-NAMES = tuple(name_of(subset) for subset in SUBSETS)
 DRAWS = 4000
 WHOLE = ("NDS", "mATE", "mASE", "mAOE", "mAVE")
 """Figures of the row with every sensor that a network has."""
@@ -30,7 +28,7 @@ def compare(jobs: Sequence[Job], *, reference: str | None = None) -> dict[str, A
     done = [job for job in jobs if job.result is not None]
     if not done:
         raise ValueError(f"no job has a result yet; {len(jobs)} are without, such as {jobs[0].name}: {jobs[0].why}")
-    _refuse_other_data(done)
+    refuse_other_data({job.name: job.result for job in done if job.result is not None})
     order = list(dict.fromkeys(job.variant for job in jobs))
     shared = set.intersection(*map(set, order)) if len(order) > 1 else set(order[0])
     labels = {variant: ", ".join(text for text in variant if text not in shared) or "default" for variant in order}
@@ -39,7 +37,7 @@ def compare(jobs: Sequence[Job], *, reference: str | None = None) -> dict[str, A
     results = {labels[key]: {j.seed: j.result for j in done if j.variant == key} for key in order}
     for variant in variants:
         variant["difference"] = {
-            name: _difference(results[variant["label"]], results[against["label"]], name)
+            name: difference(results[variant["label"]], results[against["label"]], name)
             for name in variant["mAP"]
             if name in against["mAP"] and variant is not against
         }
@@ -93,8 +91,8 @@ def spread(values: Sequence[float | None]) -> dict[str, Any]:
     return {"mean": float(np.mean(known)), "sd": sd, "values": known}
 
 
-def _difference(ours: dict[int, Any], theirs: dict[int, Any], name: str) -> dict[str, Any] | None:
-    """Of the seeds that both have."""
+def difference(ours: Mapping[int, Any], theirs: Mapping[int, Any], name: str) -> dict[str, Any] | None:
+    """mAP of the row ``name`` of our results minus that of theirs, over the seeds that both have, with its interval."""
     seeds = sorted(ours.keys() & theirs.keys())
     if not seeds:
         return None
@@ -137,15 +135,14 @@ def _reference(variants: Sequence[dict[str, Any]], wanted: str | None) -> dict[s
     return near[0]
 
 
-def _refuse_other_data(done: Sequence[Job]) -> None:
-    """Only scores on the same scenes, resampled alike, can be paired."""
+def refuse_other_data(results: Mapping[str, Mapping[str, Any]]) -> None:
+    """Only scores on the same scenes, resampled alike, can be paired. ``results`` by name."""
     kinds: dict[str, str] = {}
-    for job in done:
-        assert job.result is not None
-        scored, resampled = job.result["scored"], next(iter(job.result["mAP_resampled"].values()))
+    for name, result in results.items():
+        scored, resampled = result["scored"], next(iter(result["mAP_resampled"].values()))
         hashes = "+".join(each[:12] for each in scored["data"])
         kinds.setdefault(
-            f"{scored['num_samples']} samples of {scored['split']} of {hashes}, {len(resampled)} resamples", job.name
+            f"{scored['num_samples']} samples of {scored['split']} of {hashes}, {len(resampled)} resamples", name
         )
     if len(kinds) > 1:
         (one, first), (other, second) = list(kinds.items())[:2]

@@ -3,8 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from fusion_net.reports.ablation.compare import NAMES
-from fusion_net.reports.tables import UNITS, aligned, piped
+from fusion_net.reports.tables import NAMES, UNITS, aligned, piped
 
 NOTES = (
     "Cells: mean over seeds ± standard deviation; n: seeds with a result. mAP by sensors given at evaluation; NDS, errors and"
@@ -18,46 +17,53 @@ Shape = Callable[[list[list[str]]], list[str]]
 
 def as_markdown(doc: dict[str, Any]) -> str:
     """The page that is committed."""
-    title = [f"# {doc['sweep']}", "", *_about(doc), ""]
-    return "\n".join([*title, *_tables(doc, piped), *(f"* {note}" for note in _notes(doc))]) + "\n"
+    title = [f"# {doc['sweep']}", "", *about(doc), ""]
+    return "\n".join([*title, *_tables(doc, piped), *(f"* {note}" for note in notes(doc))]) + "\n"
 
 
 def as_text(doc: dict[str, Any]) -> str:
     """The same, aligned."""
-    return "\n".join([doc["sweep"], "", *_tables(doc, aligned), *_notes(doc)])
+    return "\n".join([doc["sweep"], "", *_tables(doc, aligned), *notes(doc)])
 
 
 def _tables(doc: dict[str, Any], shape: Shape) -> list[str]:
-    lines = [*shape(_scores(doc)), ""]
+    lines = [*shape(scores(doc)), ""]
     if any(variant["difference"] for variant in doc["variants"]):
-        lines += [f"mAP minus that of `{doc['reference']}`:", "", *shape(_differences(doc)), ""]
-    missing = [f"{v['label']}, seed {seed}: {why}" for v in doc["variants"] for seed, why in v["missing"].items()]
-    if missing:
-        lines += [f"Missing: {len(missing)}, in no figure above.", "", *(f"* {each}" for each in missing), ""]
+        lines += [f"mAP minus that of `{doc['reference']}`:", "", *shape(differences(doc)), ""]
+    if without := missing(doc):
+        lines += [f"Missing: {len(without)}, in no figure above.", "", *(f"* {each}" for each in without), ""]
     return lines
 
 
-def _scores(doc: dict[str, Any]) -> list[list[str]]:
+def missing(doc: dict[str, Any]) -> list[str]:
+    """Which seeds of which variants have no result, and why."""
+    return [f"{v['label']}, seed {seed}: {why}" for v in doc["variants"] for seed, why in v["missing"].items()]
+
+
+def scores(doc: dict[str, Any]) -> list[list[str]]:
+    """Head and rows of the table of scores."""
     columns = ["NDS", "mAOE", "mAVE", "decoy_AUC", "minutes", "steps"]
     heads = [f"{name} {UNITS[name]}" if name in UNITS else name.replace("_", " ") for name in columns]
-    cells = [["variant", *_shown(doc), *heads, "n"]]
+    cells = [["variant", *shown(doc), *heads, "n"]]
     for variant in doc["variants"]:
-        scores = [_mean(variant["mAP"].get(name)) for name in _shown(doc)]
+        scores = [_mean(variant["mAP"].get(name)) for name in shown(doc)]
         figures = [_mean(variant[name], {"minutes": 1, "steps": 0}.get(name, 3)) for name in columns]
         cells.append([variant["label"], *scores, *figures, str(variant["n"])])
     return cells
 
 
-def _differences(doc: dict[str, Any]) -> list[list[str]]:
-    cells = [["variant", *_shown(doc), "n"]]
+def differences(doc: dict[str, Any]) -> list[list[str]]:
+    """Head and rows of the table of differences."""
+    cells = [["variant", *shown(doc), "n"]]
     for variant in doc["variants"]:
-        found = [variant["difference"].get(name) for name in _shown(doc)]
+        found = [variant["difference"].get(name) for name in shown(doc)]
         if any(found):
             cells.append([variant["label"], *map(_change, found), str(max(each["n"] for each in found if each))])
     return cells
 
 
-def _shown(doc: dict[str, Any]) -> list[str]:
+def shown(doc: dict[str, Any]) -> list[str]:
+    """The subsets of sensors that any variant was scored with."""
     return [name for name in NAMES if any(name in variant["mAP"] for variant in doc["variants"])]
 
 
@@ -75,7 +81,8 @@ def _change(difference: dict[str, Any] | None) -> str:
     return f"{difference['mean']:+.3f} [{low:+.3f}, {high:+.3f}]"
 
 
-def _about(doc: dict[str, Any]) -> Sequence[str]:
+def about(doc: dict[str, Any]) -> Sequence[str]:
+    """How it was run, and on what it was scored."""
     data, hashes = doc["scored"], ", ".join(each[:12] for each in doc["scored"]["data"])
     settings = ", ".join(f"{key}={value}" for key, value in doc["settings"].items())
     return [
@@ -87,11 +94,12 @@ def _about(doc: dict[str, Any]) -> Sequence[str]:
     ]
 
 
-def _notes(doc: dict[str, Any]) -> list[str]:
-    notes = list(NOTES)
+def notes(doc: dict[str, Any]) -> list[str]:
+    """How to read it, and what is amiss."""
+    found = list(NOTES)
     for name, what in (("git", "commits"), ("processor", "processors")):
         if len(doc[name]) > 1:
-            notes.append(f"The jobs ran at several {what}: {', '.join(doc[name])}.")
+            found.append(f"The jobs ran at several {what}: {', '.join(doc[name])}.")
     for key, values in doc["beside"].items():
-        notes.append(f"**The jobs differ in more than their variant**: {key} is {' and '.join(values)}.")
-    return notes
+        found.append(f"**The jobs differ in more than their variant**: {key} is {' and '.join(values)}.")
+    return found

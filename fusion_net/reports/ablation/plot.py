@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from fusion_net.reports.ablation.compare import NAMES
 from fusion_net.reports.plots import COLORS
+from fusion_net.reports.tables import NAMES
 
 
 def plot_ablation(path: Path, doc: dict[str, Any]) -> None:

@@ -80,7 +80,7 @@ def fifty_milliseconds() -> Claim:
         "Sensors 50 ms apart are 1 m apart on a car that closes at 20 m/s",
         TEST,
         f"{20 * 0.05:.1f} m; the test drives an ego path at 20 m/s",
-        verdict(np.isclose(20 * 0.05, 1.0)),
+        verdict(bool(np.isclose(20 * 0.05, 1.0))),
     )
 
 

@@ -9,7 +9,7 @@ from omegaconf import OmegaConf
 
 from fusion_net.common.cli.command_line import LONGEST, as_override, command_line, job_folder
 from fusion_net.common.cli.overrides import CONFIGS, check_overrides
-from fusion_net.run_dir import run_folder
+from fusion_net.runs.run_dir import run_folder
 
 ODD = [
     "a b",

@@ -89,21 +89,21 @@ def test_the_cache_changes_nothing_but_the_time(root):
 
 
 def test_a_steps_batch_follows_from_seed_and_step():
-    sampler = StepSampler(9, batch_size=4, steps=5, seed=3)
+    sampler = StepSampler(range(9), batch_size=4, steps=5, seed=3)
     steps = list(sampler)
     assert [len(keys) for keys in steps] == [4] * 5 == [4] * len(sampler)
     assert [{epoch for epoch, _ in keys} for keys in steps] == [{0}, {0}, {1}, {1}, {2}]
     for first in (0, 2):  # an epoch shows no sample twice
         assert len({place for keys in steps[first : first + 2] for _, place in keys}) == 8
     assert [place for _, place in steps[0]] != [place for _, place in steps[2]]
-    assert list(StepSampler(9, batch_size=4, steps=5, first=3, seed=3)) == steps[3:]
-    assert list(StepSampler(9, batch_size=4, steps=5, seed=4)) != steps
+    assert list(StepSampler(range(9), batch_size=4, steps=5, first=3, seed=3)) == steps[3:]
+    assert list(StepSampler(range(9), batch_size=4, steps=5, seed=4)) != steps
 
 
 @pytest.mark.parametrize("workers", [0, 1])
 def test_the_loader_gives_the_same_with_and_without_a_worker(root, workers):
     data = dataset(root, augment=AUGMENT)
-    sampler = StepSampler(len(data), batch_size=4, steps=3)
+    sampler = StepSampler(range(len(data)), batch_size=4, steps=3)
     batches = list(train_loader(data, sampler, workers))
     assert len(batches) == 3
     for step, batch in enumerate(batches):
@@ -123,7 +123,7 @@ def test_a_loader_process_needs_no_shared_memory(root, monkeypatch):
     for share in ("_share_fd_cpu_", "_share_filename_cpu_"):
         monkeypatch.setattr(torch.UntypedStorage, share, full)  # the process that is forked has it too
     data = dataset(root)
-    batch = next(iter(train_loader(data, StepSampler(len(data), batch_size=4, steps=1), 1)))
+    batch = next(iter(train_loader(data, StepSampler(range(len(data)), batch_size=4, steps=1), 1)))
     assert batch.images.shape[0] == 4
     batch.images[0] = 7  # the memory is its own
 
@@ -131,7 +131,7 @@ def test_a_loader_process_needs_no_shared_memory(root, monkeypatch):
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_signals_are_the_training_processs_to_answer(root, number):
     data = dataset(root)
-    batches = iter(train_loader(data, StepSampler(len(data), batch_size=2, steps=6), 1))
+    batches = iter(train_loader(data, StepSampler(range(len(data)), batch_size=2, steps=6), 1))
     next(batches)
     os.kill(batches._workers[0].pid, number)
     assert len(list(batches)) == 5

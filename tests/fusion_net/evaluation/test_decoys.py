@@ -83,10 +83,10 @@ def test_only_bodies_that_stand_where_all_can_be_seen_are_compared(samples):
     truth = truth_of(samples)
     bodies = read_bodies(truth, samples)
     truck, car = CLASSES.index("truck"), CLASSES.index("car")
-    assert len(bodies.of(truck).label) == 5 * 2
-    assert bodies.of(truck).is_compared.sum() == 2 * 2
-    assert bodies.of(car).is_compared.all()
-    on_grid = transform(invert(truth.global_T_ego[0]), np.append(bodies.of(truck).center[0], 1.0)[None])[0]
+    assert len(bodies[bodies.label == truck].label) == 5 * 2
+    assert bodies[bodies.label == truck].is_compared.sum() == 2 * 2
+    assert bodies[bodies.label == car].is_compared.all()
+    on_grid = transform(invert(truth.global_T_ego[0]), np.append(bodies[bodies.label == truck].center[0], 1.0)[None])[0]
     np.testing.assert_allclose(on_grid[:2], [16.0, 4.0], atol=0.2)
 
 

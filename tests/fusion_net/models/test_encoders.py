@@ -174,7 +174,7 @@ def test_detection_losses_reach_the_depth_distribution(view):
 
 def test_a_frozen_camera_keeps_its_weights_and_statistics():
     model, batch = small_model(), small_batch()
-    model.encoders["camera"].freeze(True)
+    model.image_network.freeze(True)
     model.train()
     before = {n: x.clone() for n, x in model.encoders["camera"].image_network.backbone.state_dict().items()}
     model.loss(model(batch), batch)["loss"].backward()

@@ -14,24 +14,10 @@ from tests.fixtures.small_model import (
     CHANNELS,
     GRID,
     VIEWS,
+    single,
     small_batch,
     small_model,
 )
-
-
-def single(batch, i):
-    """Sample i of a batch as a batch of one."""
-    rows = {f: getattr(batch, f)[i : i + 1] for f in ("images", "cam_K", "ego_T_cam", "present", "lidar_depth")}
-    points = {}
-    for name in ("lidar", "radar"):
-        mine = getattr(batch, f"{name}_batch") == i
-        points |= {
-            f"{name}_points": getattr(batch, f"{name}_points")[mine],
-            f"{name}_batch": torch.zeros(mine.sum()).int(),
-        }
-    return replace(
-        batch, tokens=batch.tokens[i : i + 1], dense_depth=None, class_map=None, targets=None, **rows, **points
-    )
 
 
 @pytest.mark.parametrize("view", VIEWS.values(), ids=VIEWS)

@@ -18,7 +18,7 @@ from fusion_net.evaluation.decoys import read_bodies
 from fusion_net.evaluation.scoring import ground_truth
 from fusion_net.nuscenes.nuscenes import NuScenes
 from fusion_net.nuscenes.table_fields import FIELDS, OPTIONAL
-from fusion_net.reports.dataset_survey import survey
+from fusion_net.reports.dataset.survey import survey
 from tests.fixtures.tiny_tree import write_tree
 
 GRID = BEVGrid(0.0, 64.0, -24.0, 32.0, 0.5)

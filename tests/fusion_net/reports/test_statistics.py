@@ -8,8 +8,8 @@ import pytest
 
 from fusion_net.common.geometry import transform
 from fusion_net.nuscenes.datasets import open_datasets, samples_of_split
-from fusion_net.reports.dataset_summary import spread, summarize
-from fusion_net.reports.dataset_survey import survey
+from fusion_net.reports.dataset.summary import spread, summarize
+from fusion_net.reports.dataset.survey import survey
 from fusion_net.reports.statistics import write_statistics
 from tests.fixtures.tiny_tree import ego_pose, write_tree
 

@@ -102,11 +102,11 @@ def test_two_processes_are_resumed(data, tmp_path):
 
 
 def test_ranks_share_a_batch_without_overlap(monkeypatch):
-    whole = list(StepSampler(23, batch_size=6, steps=9, seed=3))
+    whole = list(StepSampler(range(23), batch_size=6, steps=9, seed=3))
     monkeypatch.setattr(torch.distributed, "get_rank", lambda: rank)
     parts = []
     for rank in (0, 1, 2):  # noqa: B007
-        parts.append(list(StepSampler(23, batch_size=6, steps=9, seed=3, ranks=3)))
+        parts.append(list(StepSampler(range(23), batch_size=6, steps=9, seed=3, ranks=3)))
     for batch, *shared in zip(whole, *parts, strict=True):
         assert [len(part) for part in shared] == [2, 2, 2]
         assert sorted(key for part in shared for key in part) == sorted(batch)

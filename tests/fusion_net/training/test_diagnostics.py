@@ -7,7 +7,7 @@ import torch
 
 from fusion_net.data.batch import Batch, Targets
 from fusion_net.training.diagnostics import gradient_norms, save_nonfinite
-from tests.fixtures.small_model import small_batch, small_model
+from tests.fixtures.small_model import small_batch, small_early_model, small_model
 
 
 def test_the_norms_of_the_parts_are_those_of_their_gradients():
@@ -21,9 +21,10 @@ def test_the_norms_of_the_parts_are_those_of_their_gradients():
     assert float(norms["all"]) ** 2 == pytest.approx(sum(parts), rel=1e-5)
 
 
-def test_a_part_without_a_gradient_is_left_out():
-    """In the camera's own stage nothing else has one."""
-    model, batch = small_model(), small_batch()
+@pytest.mark.parametrize("model", [small_model, small_early_model])
+def test_a_part_without_a_gradient_is_left_out(model):
+    """In the camera's own stage nothing else has one, whichever encoder the image network is in."""
+    model, batch = model(), small_batch()
     model.camera_loss(batch)["loss"].backward()
     norms = gradient_norms(model)
     assert norms.keys() == {"camera", "all"}

@@ -5,7 +5,7 @@ import torch
 
 from fusion_net.training.forecast import STARTING, STEADY, StepTimes, fusion_surplus, outlook
 from fusion_net.training.plan import TrainingPlan
-from tests.fixtures.small_model import small_batch, small_model
+from tests.fixtures.small_model import small_batch, small_early_model, small_model
 
 PACE = {"camera": 0.1, "camera_only": 0.2, "fusion": 0.25}
 
@@ -72,8 +72,9 @@ def test_the_speed_is_that_of_the_stage_once_it_is_steady():
     assert times.median is None
 
 
-def test_trying_the_whole_network_leaves_the_model_as_it_was():
-    model = small_model()
+@pytest.mark.parametrize("model", [small_model, small_early_model])
+def test_trying_the_whole_network_leaves_the_model_as_it_was(model):
+    model = model()
     before = {name: value.clone() for name, value in model.state_dict().items()}
     surplus = fusion_surplus(model, small_batch(2), freeze_camera=True, context=torch.enable_grad, repeats=1)
     assert -1.0 < surplus < 60.0

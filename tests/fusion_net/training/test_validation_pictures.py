@@ -8,7 +8,7 @@ from fusion_net.common.boxes import Boxes
 from fusion_net.common.drawing import BEVPanel
 from fusion_net.data.datamodule import NuScenesDataset
 from fusion_net.training.validation_pictures import GAP, ValidationPictures
-from tests.fixtures.small_model import CLASSES, GRID, small_model
+from tests.fixtures.small_model import CLASSES, GRID, small_early_model, small_model
 from tests.fixtures.training_setup import write_data
 
 
@@ -49,6 +49,13 @@ def test_without_a_camera_the_ground_alone_is_drawn(root, dataset):
     (with_camera,) = ValidationPictures(dataset, count=1).draw(small_model().eval())
     (without,) = ValidationPictures(blind, count=1).draw(small_model(names=("lidar", "radar")).eval())
     assert without.shape[1] < with_camera.shape[1]
+
+
+def test_early_fusion_shows_the_maps_that_it_has(dataset):
+    (mid,) = ValidationPictures(dataset, count=1).draw(small_model().eval())
+    (early,) = ValidationPictures(dataset, count=1).draw(small_early_model().eval())
+    assert early.shape[1] == mid.shape[1]  # the camera's depth is there too, its map is not
+    assert early.any()
 
 
 @pytest.mark.parametrize("xy", [(5.0, 3.0), (20.0, -7.0)])

@@ -1,0 +1,160 @@
+"""One open page: its state, its elements, and what it shows. Two tabs are two pages and know nothing of each other."""
+
+import asyncio
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from html import escape
+from typing import Any
+
+from nicegui.client import Client
+from nicegui.events import MouseEventArguments
+
+from fusion_lab.engine.answers import Lab
+from fusion_lab.engine.state import RANGES, LabState
+from fusion_lab.engine.steps import STEPS, state_of
+from fusion_lab.engine.worker import NewestWins
+from fusion_lab.page.controls import Controls
+from fusion_lab.page.gallery import Gallery
+from fusion_lab.page.layout import Layout
+from fusion_lab.views.screen import VIEWS, Picture, Screen, draw, figure
+from fusion_net.common.drawing import label
+
+IDLE_SECONDS = 0.7
+"""Without a change, after which the other keyframes of the scene are looked at for its score."""
+SCENE_SCORE = "mAP of the whole scene"
+
+
+class Page:
+    """Builds itself into the client that is open, and shows ``state``. ``lab`` is asked in the thread of ``worker`` alone."""
+
+    def __init__(self, client: Client, gallery: Gallery, lab: Lab, worker: NewestWins, state: LabState) -> None:
+        self.client, self.offer, self.state = client, lab.offer, state
+        self._gallery, self._lab, self._worker = gallery, lab, worker
+        self._loop = asyncio.get_running_loop()
+        self._is_waiting = False
+        self._scored: LabState | None = None  # whose scene the score is of, or will be
+        self._controls = Controls(self.offer, self.change)
+        self._on = Layout(self._controls, step=self._take_step, play=self._next, pick=self._pick, repair=self._repair)
+        self._follow()
+        self._ask()
+
+    def say(self, words: str) -> None:
+        """Shows a sentence above everything; "" takes it away."""
+        self._on.notice.set_text(words)
+        self._on.notice.set_visibility(bool(words))
+
+    def change(self, **fields: Any) -> None:
+        """A user has set these fields of the state."""
+        state = replace(self.state, **fields)
+        severities = self.offer.conditions[state.condition]
+        self._go(replace(state, severity=min(int(state.severity), severities), frame=int(state.frame)))
+
+    def close(self) -> None:
+        """Forgets all that the page wanted: it is gone."""
+        self._scored = None
+        self._worker.forget(self.client.id)
+        self._gallery.drop(self.client.id)
+
+    def _go(self, state: LabState) -> None:
+        if state != self.state:
+            self.state = state
+            self._follow()
+            self._ask()
+
+    def _ask(self) -> None:
+        self._is_waiting = True
+        self._on.status.props('data-settled="false"')
+        self._wish(partial(draw, self._lab, self.state), self._show)
+
+    def _wish(self, work: Callable[[], Any], take: Callable[[Any], None]) -> None:
+        """Has ``work`` done in the worker's thread, in place of what waits there, and its answer taken in this one."""
+        self._worker.submit(self.client.id, work, lambda answer: self._loop.call_soon_threadsafe(take, answer))
+
+    def _show(self, screen: Screen | Exception) -> None:
+        """Shows what came back. When something else has been set since, the next screen follows."""
+        if isinstance(screen, Exception):
+            self._is_waiting = False
+            self.say(f"This setting cannot be shown: {' '.join(str(screen).split())}")
+            return
+        on, layout = self._on, label(self.offer.layouts[screen.state.scene])
+        on.title.set_text(f"Camera: {layout}, keyframe {screen.state.frame + 1} of {self.offer.frames}")
+        for name, picture in (("camera", screen.camera), ("ground", screen.ground), ("view", screen.view)):
+            self._set_picture(name, picture)
+        on.panel.set_content(screen.panel)
+        on.score.set_content(screen.score)
+        self._view_size = screen.view.size if screen.view else (1, 1)
+        self._controls.forbid_depth(screen.forbidden)
+        if screen.state == self.state:
+            self._is_waiting = False
+            on.status.set_text(f"Answered in {screen.ms:.0f} ms")
+            on.status.props('data-settled="true"')
+            self._want_scene_score()
+
+    def _set_picture(self, name: str, picture: Picture | None) -> None:
+        image = self._on.pictures[name]
+        image.set_visibility(picture is not None)
+        if picture is not None:
+            image.set_source(self._gallery.put(self.client.id, name, picture.file))
+            image.set_content(picture.overlay)
+            image.style(f"max-width: {picture.size[0]}px")
+            image.props(f'role="img" aria-label="{escape(picture.alt, quote=True)}"')
+
+    def _want_scene_score(self) -> None:
+        """The score of the whole scene, if it is another than the one that is shown."""
+        scene = replace(self.state.seen_as(self.offer.beams[0]), frame=0)
+        if scene != self._scored:
+            self._scored = scene
+            self._on.scene_score.set_content(f'<div class="figure"><b>...</b><span>{SCENE_SCORE}</span></div>')
+            self._loop.call_later(IDLE_SECONDS, self._look_at_scene, scene, 0)
+
+    def _look_at_scene(self, scene: LabState, frame: int, answer: Any = None) -> None:
+        """Has the keyframes of the scene seen, one after the other; what is set meanwhile comes first."""
+        if scene != self._scored or isinstance(answer, Exception):
+            return
+        if self._is_waiting:
+            self._scored = None  # asked for again when that is shown
+        elif frame < self.offer.frames:
+            self._wish(partial(self._lab.look, scene, frame), partial(self._look_at_scene, scene, frame + 1))
+        else:
+            self._wish(partial(self._lab.scene_score, scene), partial(self._show_scene_score, scene))
+
+    def _show_scene_score(self, scene: LabState, answer: tuple[float, float] | Exception) -> None:
+        if scene == self._scored and not isinstance(answer, Exception):
+            self._on.scene_score.set_content(figure(SCENE_SCORE, *answer, "{:.2f}", good=1))
+
+    def _follow(self) -> None:
+        """Brings controls, guide and address to the state."""
+        self._controls.follow(self.state)
+        for name, box in self._on.own_fields.items():
+            box.set_visibility(self.state.view == name)
+        self._on.step.set_visibility(self.state.step > 0)
+        if self.state.step:
+            step = STEPS[self.state.step - 1]
+            self._on.step.set_content(
+                f"<h2>{self.state.step}. {escape(step.title)}</h2><p>{escape(step.text)}</p>"
+                f"<p><strong>Look:</strong> {escape(step.look)}</p>"
+            )
+        if self.client.has_socket_connection:
+            query = self.state.query()
+            self.client.run_javascript(f'history.replaceState(history.state, "", "/{"?" * bool(query)}{query}")')
+
+    def _take_step(self, number: int) -> None:
+        state, note = state_of(number, self.state, self.offer)
+        self.say(note)
+        self._go(state)
+
+    def _repair(self) -> None:
+        self.say("")
+        self._go(replace(self.state.undisturbed, beams=self.offer.beams[0], view=self.state.view))
+
+    def _next(self) -> None:
+        """The next keyframe, unless the network is still at the last one."""
+        if not self._is_waiting:
+            self.change(frame=(self.state.frame + 1) % self.offer.frames)
+
+    def _pick(self, event: MouseEventArguments) -> None:
+        """A click on the view's picture chooses a pixel."""
+        if self.state.view in VIEWS and "u" in VIEWS[self.state.view].fields:
+            width, height = self._view_size
+            self.change(u=RANGES["u"].nearest(event.image_x / width), v=RANGES["v"].nearest(event.image_y / height))

@@ -1,0 +1,50 @@
+"""What the studio renders is what the generator would have written."""
+
+import pytest
+
+from fusion_lab.engine.state import DOWNPOUR, Weather
+from fusion_lab.engine.studio import open_studio
+from fusion_net.common.nuscenes_format import MODALITIES
+from tests.fixtures.small_lab import generated
+
+
+def files(nusc):
+    """What each record's file, and each file beside it, holds."""
+    held = {}
+    for record in nusc.tables["sample_data"].values():
+        path = nusc.path(record)
+        stem = path.name.split(".")[0]
+        for each in path.parent.glob(f"{stem}.*"):
+            held[f"{path.parent.name}/{each.name}"] = each.read_bytes()
+    return held
+
+
+@pytest.mark.parametrize("weather", [Weather("fog", 2), Weather("night", 1)])
+def test_a_file_of_other_weather_is_to_the_byte_what_the_generator_writes_in_that_weather(studio, tmp_path, weather):
+    overrides = (f"condition={weather.name}", f"condition.severity={weather.severity}")
+    job = generated(tmp_path / "other", *overrides)
+    other = type(studio)(job, studio.conditions)
+    rendered = files(studio.under(dict.fromkeys(MODALITIES, weather)))
+    assert rendered == files(other)
+    assert rendered != files(studio)
+
+
+def test_the_weather_of_one_sensor_leaves_the_files_of_the_others(studio):
+    mixed, clear = studio.under({"lidar": DOWNPOUR}), files(studio)
+    changed = {name for name, content in files(mixed).items() if content != clear[name]}
+    assert {name.split("/")[0] for name in changed} == {"LIDAR_TOP"}
+
+
+def test_what_was_rendered_is_kept_and_nothing_half_written_is(studio):
+    fog = studio.under(dict.fromkeys(MODALITIES, Weather("fog", 1)))
+    record = next(iter(studio.tables["sample_data"].values()))
+    path = fog.path(record)
+    written = path.stat().st_mtime_ns
+    assert fog.path(record) == path
+    assert path.stat().st_mtime_ns == written
+    assert not [each for each in studio.root.iterdir() if each.name.startswith("tmp")]
+
+
+def test_a_rig_that_the_generator_does_not_know_is_refused_in_a_line(tmp_path):
+    with pytest.raises(ValueError, match="nano or surround; this detector was trained on 'mine'"):
+        open_studio(tmp_path, rig="mine", scenes=1, keyframes=1, seed=1)

@@ -34,26 +34,21 @@ def audit_calibration(
     *,
     overlay: Mapping[str, Any] | None = None,
     usual: Mapping[str, Mapping[str, Any]] | None = None,
-    responses: Mapping[str, tuple[float, float]] | None = None,
 ) -> Audit:
     """``boxes``: of each sensor alone, entry by entry of one sample in its ego frame; ``copies`` (R, S): resamples of the
     scenes. ``overlay``: of :func:`fusion_net.viz.overlay.measure_overlay`. ``usual``: the ``pairs`` of this audit of sound
-    sensors, whose motions are taken off: what the network itself has the sensors off by. ``responses``: of
-    :func:`fusion_net.evaluation.audits.response.responses`; 1 where there are none."""
+    sensors, whose motions are taken off: what the network itself has the sensors off by."""
     title = "Calibration: do the sensors' views lie on each other?"
     explanation = (
         "Overlay: the LiDAR's points in the image, against the exact depth of their pixels where the data have it; the turn"
         " at which most of them fit. From above: what the detector finds with each sensor alone, as Gaussians, cross-correlated"
-        " over turns about the car's origin and shifts; errors are standard errors from resampled scenes. Boxes follow their"
-        " sensor's calibration by a part only; that part is measured by a known turn and shift in software, and what a"
-        " sensor is off by is what was found over it. What the camera says of distances is its own guess, so its shift ahead"
-        f" (x) is not judged. Wrong from {LARGEST_TURN:g} degrees or {LARGEST_SHIFT:g} m on that are {SIGMAS:g} standard"
-        " errors away from nothing. A turn is counter-clockwise; it is what the sensor's view (in a pair, the first one's)"
-        " has to be moved by."
+        " over turns about the car's origin and shifts; errors are standard errors from resampled scenes. Boxes of a camera"
+        " or a LiDAR follow a small turn of their sensor by a part only, so this is a lower bound. What the camera says of"
+        f" distances is its own guess, so its shift ahead (x) is not judged. Wrong from {LARGEST_TURN:g} degrees or"
+        f" {LARGEST_SHIFT:g} m on that are {SIGMAS:g} standard errors away from nothing. A turn is counter-clockwise; it is"
+        " what the first sensor's view has to be moved by."
     )
-    parts = {name: (responses or {}).get(name, (1.0, 1.0)) for name in boxes}
     numbers: dict[str, Any] = {"overlay": dict(overlay or {}), "pairs": {}, "curves": {}}
-    numbers["responses"] = {name: {"turn": turn, "shift": shift} for name, (turn, shift) in parts.items()}
     for names in PAIRS:
         if names[0] in boxes and names[1] in boxes:
             alignment = align_sensors(boxes, names, copies)
@@ -72,14 +67,8 @@ def audit_calibration(
     if not texts:
         return Audit("calibration", title, "too few boxes that two sensors have", None, numbers, explanation)
     culprit = _culprit(off, known)
-    guilty = next((name for name, style in STYLES.items() if culprit == f"it is the {style.label}"), None)
     numbers["culprit"] = culprit
-    numbers["sensors"] = {name: _of_sensor(name, known, part) for name, part in parts.items()}
     verdict = "; ".join(texts) + (f"; {culprit}" if culprit else "")
-    if guilty is not None:
-        own = numbers["sensors"][guilty]
-        verdict += f", to be turned by {own['turn_deg']:+.2f} +- {own['turn_error']:.2f} degrees"
-        verdict += f" and shifted by {own['shift_y']:+.2f} +- {own['shift_error']:.2f} m to the left"
     return Audit("calibration", title, verdict, not off and not slipped, numbers, explanation)
 
 
@@ -98,24 +87,6 @@ def _figures(alignment: Alignment, usual: Mapping[str, Any] | None) -> dict[str,
         "shift": shift.tolist(),
         "shift_error": list(alignment.shift_error),
     }
-
-
-def _of_sensor(sensor: str, known: Mapping[str, Any], part: tuple[float, float]) -> dict[str, float] | None:
-    """What the sensor's view has to be moved by if it is the one that is off: the mean over its pairs, weighted by their
-    errors, over the part by which its boxes follow."""
-    pairs = [pair for pair in known.values() if sensor in pair["sensors"]]
-    if not pairs:
-        return None
-    sign = np.array([1.0 if pair["sensors"][0] == sensor else -1.0 for pair in pairs])
-    found = {}
-    for name, error, follows, values, errors in (
-        ("turn_deg", "turn_error", part[0], [p["turn_deg"] for p in pairs], [p["turn_error"] for p in pairs]),
-        ("shift_y", "shift_error", part[1], [p["shift"][1] for p in pairs], [p["shift_error"][1] for p in pairs]),
-    ):
-        weight = 1 / np.square(np.maximum(errors, 1e-6))
-        found[name] = float((weight * sign * values).sum() / weight.sum() / follows)
-        found[error] = float(np.max(errors) / follows)  # both pairs share the sensor's own noise
-    return found
 
 
 def _is_off(pair: Mapping[str, Any]) -> bool:

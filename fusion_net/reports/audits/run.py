@@ -22,7 +22,6 @@ from fusion_net.evaluation.audits.calibration import audit_calibration
 from fusion_net.evaluation.audits.conditions import audit_conditions
 from fusion_net.evaluation.audits.depth import audit_depth, read_depths
 from fusion_net.evaluation.audits.influence import influence
-from fusion_net.evaluation.audits.response import responses
 from fusion_net.evaluation.audits.result import Audit
 from fusion_net.evaluation.bootstrap import resample_scenes
 from fusion_net.evaluation.decoys import best_f1_score
@@ -35,8 +34,8 @@ from fusion_net.reports.audits.pages import FOLDER, OVERLAY, write_audit, write_
 from fusion_net.viz.overlay import measure_overlay, overlay_picture
 
 AUDITS = ("calibration", "depth", "ablation", "conditions", "association")
-OVERLAYS, LISTENED, PROBED, LOOKED = 24, 64, 80, 160
-"""Samples, spread over the split, of the overlay, of the gradients, of the responses, and of the depths."""
+OVERLAYS, LISTENED, LOOKED = 24, 64, 160
+"""Samples, spread over the split, of the overlay, of the gradients, and of the depths."""
 
 
 def chosen_audits(audits: str | Sequence[str]) -> tuple[str, ...]:
@@ -95,8 +94,7 @@ class Auditor:
             picture = overlay_picture(self.dataset, places[0])
             cv2.imwrite(str(self.folder / FOLDER / OVERLAY), picture[..., ::-1])
         views = {name: self._alone(name) for name in self.sensors}
-        follow = responses(self.model, self._batches(PROBED), self.sensors)
-        return audit_calibration(views, self.copies[:50], overlay=overlay, usual=self._usual(), responses=follow)
+        return audit_calibration(views, self.copies[:50], overlay=overlay, usual=self._usual())
 
     @property
     def _camera(self) -> CameraEncoder | None:

@@ -1,17 +1,12 @@
 """The views of two sensors laid over each other: what was injected is found again, within the error that is stated."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-import torch
 
 from fusion_net.common.boxes import Boxes
-from fusion_net.evaluation.audits import response
 from fusion_net.evaluation.audits.alignment import Motion, align, align_sensors, pair_up
 from fusion_net.evaluation.audits.calibration import audit_calibration
 from fusion_net.evaluation.bootstrap import resample_scenes
-from tests.fixtures.small_model import small_batch
 
 SAMPLES = 60
 
@@ -98,50 +93,3 @@ def test_too_few_boxes_are_not_judged(copies):
     audit = audit_calibration(nothing, copies)
     assert audit.ok is None
     assert "too few" in audit.verdict
-
-
-def test_what_boxes_follow_by_a_part_only_is_scaled_up(views, copies):
-    """Boxes that follow a turn by half: what is found is 1 degree, what the sensor is off by is 2."""
-    turned = views | {"camera": [moved(b, -1.0) for b in views["camera"]]}
-    follow = {"camera": (0.5, 0.5), "lidar": (1.0, 1.0), "radar": (1.0, 1.0)}
-    camera = audit_calibration(turned, copies, responses=follow).numbers["sensors"]["camera"]
-    assert abs(camera["turn_deg"] - 2.0) < 2.5 * camera["turn_error"]
-    assert camera["turn_error"] < 0.6
-
-
-def test_moving_a_sensor_moves_what_it_sees_and_nothing_else():
-    batch, turn = small_batch(2), Motion(np.radians(90.0), np.array([0.0, 1.0]))
-    for sensor in ("lidar", "radar"):
-        before, after = (getattr(each, f"{sensor}_points") for each in (batch, response.moved(batch, sensor, turn)))
-        np.testing.assert_allclose(after[:, 0], -before[:, 1], atol=1e-4)
-        np.testing.assert_allclose(after[:, 1], before[:, 0] + 1.0, atol=1e-4)
-    radar = response.moved(batch, "radar", turn)
-    np.testing.assert_allclose(radar.radar_points[:, 4], -batch.radar_points[:, 5], atol=1e-4)
-    assert radar.lidar_points is batch.lidar_points
-    camera = response.moved(batch, "camera", turn)
-    np.testing.assert_allclose(camera.ego_T_cam[..., 0, 3], -batch.ego_T_cam[..., 1, 3], atol=1e-4)
-
-
-class Follower:
-    """A detector whose boxes follow the mean place of the LiDAR's points by half."""
-
-    def __call__(self, batch, present):
-        places = [batch.lidar_points[batch.lidar_batch == b, :2] for b in range(batch.size)]
-        half = [(0.5 * p + 0.5 * self.sound[b]).numpy() for b, p in enumerate(places)]
-        quiet = {"ghosts": 0, "missed": 0, "noise": (1e-6, 1e-6)}
-        return [detections(np.random.default_rng(b), p, **quiet) for b, p in enumerate(half)]
-
-    def decode(self, outputs):
-        return [replace(boxes, log_variance=np.full((len(boxes), 2), -2.0)) for boxes in outputs]
-
-
-def test_the_part_by_which_boxes_follow_is_measured():
-    batch, model = small_batch(6), Follower()
-    points = batch.lidar_points.clone()
-    points[:, :2] = torch.rand(len(points), 2, generator=torch.Generator().manual_seed(0)) * 40 + 5
-    keep = torch.arange(len(points)) % 20 == 0
-    batch = replace(batch, lidar_points=points[keep], lidar_batch=batch.lidar_batch[keep])
-    model.sound = [batch.lidar_points[batch.lidar_batch == b, :2].clone() for b in range(6)]
-    turn, shift = response.responses(model, [batch], ["lidar"])["lidar"]
-    assert turn == pytest.approx(0.5, abs=0.05)
-    assert shift == pytest.approx(0.5, abs=0.1)

@@ -111,14 +111,14 @@ def predict(
     show: bool = True,
 ) -> tuple[list[dict[str, Boxes]], list[float]]:
     """Boxes by token for each subset, and its milliseconds per sample (forward and decoding; the median over batches).
-    ``show``: a bar or lines of progress."""
+    ``show``: a bar or lines of progress, and a first pass of each subset that is not timed, since it sets things up."""
     found: list[dict[str, Boxes]] = [{} for _ in subsets]
     times: list[list[float]] = [[] for _ in subsets]
     for step, batch in enumerate(_progress(batches) if show else batches):
         batch = batch.to(device)
         for row, subset in enumerate(subsets):
             chosen = torch.tensor([name in subset for name in MODALITIES], device=device)
-            for _ in range(2 if step == 0 else 1):  # a subset's first pass sets things up: not timed
+            for _ in range(2 if step == 0 and show else 1):
                 start = _now(device)
                 boxes = model.decode(model(batch, present=batch.present & chosen))
                 seconds = _now(device) - start

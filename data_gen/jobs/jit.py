@@ -8,8 +8,10 @@ from typing import Any
 from numba import njit
 from numba.core import event
 
-_compile = partial(njit, fastmath={"contract", "reassoc", "nsz", "arcp", "afn"}, error_model="numpy")
-"""Fast arithmetic that still knows infinity and NaN."""
+_compile = partial(
+    njit, fastmath={"contract", "reassoc", "nsz", "arcp", "afn"}, error_model="numpy", no_cfunc_wrapper=True
+)
+"""Fast arithmetic that still knows infinity and NaN; nothing here is called from C, which would be compiled as well."""
 
 
 def jit(function: Callable) -> Callable:
@@ -18,10 +20,19 @@ def jit(function: Callable) -> Callable:
     numba's cache watches only the file of the function it compiles: after an edit to a function that is called from another
     file, delete that folder's ``__pycache__``.
     """
+    return _cached(function)
+
+
+def jit_as(signature: str) -> Callable[[Callable], Callable]:
+    """The same when the module is imported, for these types alone."""
+    return partial(_cached, signature=signature)
+
+
+def _cached(function: Callable, signature: str | None = None) -> Callable:
     try:
-        return _compile(cache=True)(function)
+        return _compile(signature, cache=True)(function)
     except RuntimeError:  # no folder for the cache
-        return _compile()(function)
+        return _compile(signature)(function)
 
 
 @contextmanager
@@ -38,7 +49,7 @@ class _Once(event.Listener):
     def on_start(self, event: event.Event) -> None:
         if not self.said:
             self.said = True
-            self.say("compiling the ray kernels: once, about half a minute")
+            self.say("compiling the ray kernels: once, about a quarter of a minute")
 
     def on_end(self, event: event.Event) -> None:
         pass

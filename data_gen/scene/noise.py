@@ -1,14 +1,17 @@
-"""Lattice noise and analytic box filters for procedural textures, as scalar functions that numba inlines."""
+"""Lattice noise and analytic box filters for procedural textures, as scalar functions that numba inlines.
+
+Those that take a seed have their types declared: numba would compile them once for every seed that is written in the code.
+"""
 
 import numpy as np
 
-from data_gen.jobs.jit import jit
+from data_gen.jobs.jit import jit, jit_as
 
 GOLDEN = 0.618034
 """Golden ratio: the fractional parts of its multiples are spread evenly, and no two that follow each other are alike."""
 
 
-@jit
+@jit_as("float64(int64, int64, int64)")
 def lattice(i, j, k):
     """A number in [0, 1) for an integer cell (i, j, k): the same everywhere and always."""
     h = (i * 374761393 + j * 668265263 + k * 1440662683) & 0xFFFFFFFF
@@ -17,7 +20,7 @@ def lattice(i, j, k):
     return (h ^ (h >> 16)) * (1.0 / 4294967296.0)
 
 
-@jit
+@jit_as("float64(float64, float64, int64)")
 def noise2(x, y, seed):
     """Value noise in [-1, 1] with one feature a unit of length; bilinear in smoothed coordinates."""
     i, j = int(np.floor(x)), int(np.floor(y))
@@ -28,7 +31,7 @@ def noise2(x, y, seed):
     return 2 * (low * (1 - v) + high * v) - 1
 
 
-@jit
+@jit_as("float64(float64, float64, float64, int64)")
 def noise3(x, y, z, seed):
     """Value noise in [-1, 1] in space."""
     k = int(np.floor(z))
@@ -37,7 +40,7 @@ def noise3(x, y, z, seed):
     return noise2(x, y, seed + 131 * k) * (1 - w) + noise2(x, y, seed + 131 * (k + 1)) * w
 
 
-@jit
+@jit_as("float64(float64, float64, float64, float64, int64)")
 def octave2(x, y, size, footprint, seed):
     """Noise with features of ``size`` metres that fades out as the pixel's footprint (m) grows past them."""
     keep = 1.5 - 2.0 * footprint / size
@@ -46,7 +49,7 @@ def octave2(x, y, size, footprint, seed):
     return noise2(x / size, y / size, seed) * min(keep, 1.0)
 
 
-@jit
+@jit_as("float64(float64, float64, float64, float64, float64, int64)")
 def octave3(x, y, z, size, footprint, seed):
     """:func:`octave2` in space."""
     keep = 1.5 - 2.0 * footprint / size

@@ -262,8 +262,12 @@ def _around(cones):
 
 @jit
 def _to_unit(cone):
-    cone[3:6] /= max(np.sqrt(cone[3] ** 2 + cone[4] ** 2 + cone[5] ** 2), np.float32(1e-6))
-    cone[6:8] /= max(np.sqrt(cone[6] ** 2 + cone[7] ** 2), np.float32(1e-6))
+    length = max(np.sqrt(cone[3] ** 2 + cone[4] ** 2 + cone[5] ** 2), np.float32(1e-6))
+    level = max(np.sqrt(cone[6] ** 2 + cone[7] ** 2), np.float32(1e-6))
+    for c in range(3):
+        cone[3 + c] /= length
+    for c in range(2):
+        cone[6 + c] /= level
 
 
 @jit

@@ -89,6 +89,13 @@ class _Body:
 _TREES: dict[int, _Body] = {}
 
 
+def kernel_rays(origins: ArrayLike, directions: ArrayLike) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """``origins`` (N, 3) or (3,) and ``directions`` (N, 3) as the loops take them, each (N, 3). Both can be written to: what
+    cannot is of another type to numba, which would compile everything once more for it."""
+    directions = np.require(directions, np.float32, ("C", "W"))
+    return np.array(np.broadcast_to(origins, directions.shape), np.float32, order="C"), directions
+
+
 def _tree_of(asset: Asset) -> _Body:
     """The tree of an asset, kept as long as the asset lives: several scenes may use it."""
     if id(asset) not in _TREES:
@@ -174,9 +181,8 @@ class Scene:
         scalar in seconds. Rays that follow each other are cast together: the more alike they are, the faster. Whose ``aimed``
         nobody wants is cast faster without: it is then too low. Limbs are where they are at the time ``middle``, or in the
         middle of ``times``."""
-        directions = np.ascontiguousarray(directions, np.float32)
+        origins, directions = kernel_rays(origins, directions)
         count = len(directions)
-        origins = np.ascontiguousarray(np.broadcast_to(np.asarray(origins, np.float32), (count, 3)))
         distance = np.full(count, np.inf, np.float32)
         body, face = np.full(count, NOTHING, np.int32), np.full(count, -1, np.int32)
         normal, local = np.zeros((2, count, 3), np.float32)
@@ -197,9 +203,8 @@ class Scene:
         self, origins: ArrayLike, directions: ArrayLike, times: ArrayLike, max_distance: ArrayLike = 250.0
     ) -> NDArray[np.bool_]:
         """Whether anything lies on each ray nearer than ``max_distance`` (N,) or a scalar. Arguments as in :meth:`cast`."""
-        directions = np.ascontiguousarray(directions, np.float32)
+        origins, directions = kernel_rays(origins, directions)
         count = len(directions)
-        origins = np.ascontiguousarray(np.broadcast_to(np.asarray(origins, np.float32), (count, 3)))
         limit = np.array(np.broadcast_to(max_distance, (count,)), np.float32)
         blocked = np.zeros(count, bool)
         blocked_by_world(self._world.handle(), origins, directions, limit, blocked)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from data_gen.jobs.jit import jit
 from data_gen.scene.noise import noise3
 from data_gen.scene.ray_kernels import passing
-from data_gen.scene.scene import Scene
+from data_gen.scene.scene import Scene, kernel_rays
 
 Array = NDArray[np.float64]
 
@@ -92,12 +92,11 @@ def penetrate(
     With ``depth`` sampled from an exponential distribution of mean 1 / k, that is the distance of the first event of a process
     that happens with k times the extinction per metre. Plumes are passed in the order of their distance.
     """
-    directions = np.ascontiguousarray(directions, np.float32)
+    origins, directions = kernel_rays(origins, directions)
     count = len(directions)
     tau, stop = np.zeros(count), np.full(count, np.inf)
     if not count or not len(plumes.length):
         return tau, stop
-    origins = np.ascontiguousarray(np.broadcast_to(np.asarray(origins, np.float32), (count, 3)))
     distances, depth, dt = (np.array(np.broadcast_to(v, (count,)), float) for v in (distances, depth, dt))
     order = np.argsort(np.linalg.norm(plumes.origin - origins.mean(axis=0), axis=1), kind="stable")
     plumes = Plumes(*(np.ascontiguousarray(field[order]) for field in plumes))
@@ -108,7 +107,9 @@ def penetrate(
     center[:, 2] += plumes.height[:, 1] / 2
     radius = np.sqrt((plumes.length / 2) ** 2 + plumes.half_width[:, 1] ** 2 + (plumes.height[:, 1] / 2) ** 2)
     radius += np.linalg.norm(plumes.speed, axis=1) * half_span
-    near = passing(origins, directions, center.astype(np.float32), radius.astype(np.float32), distances.max())
+    near = passing(
+        origins, directions, center.astype(np.float32), radius.astype(np.float32), np.float32(distances.max())
+    )
     _penetrate(*near, origins, directions, distances, depth, dt, *plumes, tau, stop)
     return tau, stop
 

@@ -42,6 +42,12 @@ def test_sweeps_take_the_short_recipe_unless_told_otherwise():
     assert composed("+sweep=dropout", "trainer=cpu").trainer.fusion_steps > short.fusion_steps
 
 
+@pytest.mark.parametrize("path", sorted((CONFIGS / "experiment").glob("*.yaml")), ids=lambda path: path.stem)
+def test_an_experiment_takes_another_recipe_when_it_is_told_to(path):
+    chosen = composed(f"experiment={path.stem}", "trainer=smoke").trainer
+    assert chosen == composed("trainer=smoke").trainer
+
+
 @pytest.mark.parametrize("launcher", LAUNCHERS)
 def test_a_sweep_composes_with_each_launcher_that_is_documented(launcher):
     pytest.importorskip(f"hydra_plugins.{LAUNCHERS[launcher]}")

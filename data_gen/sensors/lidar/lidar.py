@@ -8,28 +8,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_gen.rig.mounts import Lidar
-from data_gen.scene.scene import WORLD, Hits, Scene
+from data_gen.scene.scene import Hits, Scene
 from data_gen.scene.wetness import ABSORBING
 from data_gen.sensors.common.data import PointData
 from data_gen.sensors.common.event import CaptureEvent
-from data_gen.sensors.lidar.power import (
-    Returns,
-    detection_probability,
-    film_loss,
-    range_sigma,
-    rough_cosine,
-    signal_to_noise,
-)
+from data_gen.sensors.lidar.beams import compensated, echoed, leave
+from data_gen.sensors.lidar.power import Returns, detection_probability, range_sigma
 from data_gen.sensors.lidar.weather import Rays, with_weather
 from data_gen.world.ground import ground_table
 from fusion_net.common.fault_effects import Rings
-from fusion_net.common.geometry import invert, rotate_yaw, transform
+from fusion_net.common.geometry import invert
 
 RANGE_STEP = 0.002
 """Metres of one count of the range word, of every Velodyne."""
 
-RETRO = 0.85
-"""Reflectivity from which a surface is retro-reflective sheeting, reported up to 255 where diffuse per cent end at 100."""
+_REFLECTIVITY = ground_table()[2]
 
 
 @dataclass(frozen=True)
@@ -67,8 +60,7 @@ def sense(scene: Scene, event: CaptureEvent[Lidar]) -> LidarSweep:
     in_sensor, beam, dt = firing_pattern(lidar)
     nominal, true = lidar.ego_T_sensor, event.ego_T_sensor
     position, yaw, _ = scene.ego.at(t_end + dt)
-    origins = position + rotate_yaw(np.broadcast_to(true[:3, 3], (len(dt), 3)), yaw)
-    directions = rotate_yaw(in_sensor @ true[:3, :3].T, yaw)
+    origins, directions = leave(in_sensor, true, position, yaw)
     hits = scene.cast(origins, directions, t_end + dt, lidar.max_range, counted=event.is_keyframe)
 
     rays = Rays(origins, directions, t_end + dt)
@@ -81,10 +73,10 @@ def sense(scene: Scene, event: CaptureEvent[Lidar]) -> LidarSweep:
     measured = np.round(measured / RANGE_STEP) * RANGE_STEP
     byte = np.clip(np.round(byte * (1 + rng.normal(size=len(ray)) * 0.1 / np.sqrt(snr))), 0, 255)
 
-    in_global = position[ray] + rotate_yaw(transform(nominal, in_sensor[ray] * measured[:, None]), yaw[ray])
-    points = transform(invert(scene.ego.pose(t_end) @ nominal), in_global)
+    sensor_T_global = invert(scene.ego.pose(t_end) @ nominal)
+    points = compensated(in_sensor[ray], measured, nominal, position[ray], yaw[ray], sensor_T_global)
     return LidarSweep(
-        points=points.astype(np.float32),
+        points=points,
         intensity=byte.astype(np.float32),
         ring=lidar.model.ring[beam[ray]],
         time=dt[ray].astype(np.float32),
@@ -118,20 +110,12 @@ def _firing_pattern(elevations_deg, at_once, interval, columns, rate, cut, low, 
 
 
 def surface_returns(scene: Scene, hits: Hits, rays: Rays, *, max_range: float) -> Returns:
-    """What the surfaces that were hit send back: P = reflectivity x cos(incidence) x e^(-2 a r) / r^2."""
-    ray = np.flatnonzero(hits.body >= WORLD)
-    distance = hits.distance[ray].astype(float)
-    ground = np.flatnonzero(hits.face[ray] < scene.ground_faces)
-    reflectivity = scene.surface.reflectivity[hits.face[ray]].astype(float)
-    cosine = np.abs(np.einsum("ij,ij->i", hits.normal[ray], rays.directions[ray]))
-    material = scene.ground.at(hits.local[ray[ground]])
-    reflectivity[ground] = ground_table()[2][material]
-    if scene.wetness.is_wet:
-        wet = ground[~ABSORBING[material]]
-        reflectivity[wet] *= film_loss(cosine[wet], scene.wetness.covered)
-    cosine[ground] = rough_cosine(cosine[ground])
-    transmission = np.exp(-2 * scene.condition.extinction * distance)
-    snr = signal_to_noise(reflectivity * cosine * transmission, distance, max_range=max_range)
-    # The byte is calibrated for range, not for weather; it keeps some of the incidence angle.
-    byte = np.where(reflectivity < RETRO, 100.0, 255.0) * reflectivity * np.sqrt(cosine) * transmission
-    return Returns(ray, distance, snr, byte, hits.body[ray])
+    """What the surfaces that were hit send back."""
+    ground, wetness = scene.ground, scene.wetness
+    raster = ground.material, np.asarray(ground.origin, float), float(ground.resolution), _REFLECTIVITY
+    return Returns(
+        *echoed(
+            (hits.body, hits.face, hits.distance, hits.local, hits.normal), rays.directions, scene.surface.reflectivity,
+            (scene.ground_faces, *raster), (ABSORBING, wetness.covered), scene.condition.extinction, max_range,
+        )
+    )  # fmt: skip

@@ -5,6 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from data_gen.jobs.jit import jit
+
 Array = NDArray[np.float64]
 
 LEAST_BRIGHTNESS = 0.9
@@ -34,18 +36,26 @@ class Returns(NamedTuple):
 def strongest(count: int, *parts: Returns) -> Returns:
     """Of several echoes of ``count`` rays the strongest of each ray: a LiDAR reports one."""
     every = Returns(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
-    best = np.zeros(count)
-    np.maximum.at(best, every.ray, every.snr)
-    winners = np.flatnonzero(every.snr == best[every.ray])
-    return every.of(winners[np.argsort(every.ray[winners], kind="stable")])
+    return every.of(_winners(count, every.ray, every.snr))
 
 
-def signal_to_noise(brightness: ArrayLike, distance: ArrayLike, *, max_range: float) -> Array:
+@jit
+def _winners(count, ray, snr):
+    """Indices of the strongest echo of each ray that has any, in the order of the rays."""
+    best = np.full(count, -1, np.int64)
+    for k in range(len(ray)):
+        i = ray[k]
+        if best[i] < 0 or snr[k] > snr[best[i]]:
+            best[i] = k
+    return best[best >= 0]
+
+
+def signal_to_noise(brightness: Array, distance: Array, max_range: float) -> Array:
     """Received over least detectable power, P / P_min, with P = brightness / r^2 and P_min = 0.9 / max_range^2 (LISA).
 
     ``brightness`` is reflectivity x cos(incidence) x two-way transmission of a target that fills the beam.
     """
-    return np.asarray(brightness) * (max_range / np.asarray(distance)) ** 2 / LEAST_BRIGHTNESS
+    return brightness * (max_range / distance) ** 2 / LEAST_BRIGHTNESS
 
 
 def calibrated_reflectivity(snr: Array, distance: Array, *, max_range: float) -> Array:

@@ -115,7 +115,7 @@ def merged_bytes(model: nn.Module, batch: Batch) -> dict[str, float]:
 
 @contextmanager
 def _timing(modules: dict[str, nn.Module], spent: dict[str, list[float]]) -> Iterator[None]:
-    handles, started = [], {}
+    handles, started = [], dict[str, float]()
 
     def before(name: str) -> Callable:
         return lambda module, inputs: started.__setitem__(name, time.process_time())

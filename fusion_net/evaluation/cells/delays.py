@@ -7,7 +7,7 @@ cannot be taken apart like that: of a late camera only the motion of the car its
 """
 
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from beartype import beartype
@@ -23,7 +23,9 @@ from fusion_net.nuscenes.nuscenes import NuScenes
 
 Points = NDArray[np.float32]
 
-COMPENSATIONS = ("none", "ego", "velocity")
+Sensor = Literal["camera", "lidar", "radar"]
+Compensation = Literal["none", "ego", "velocity"]
+COMPENSATIONS: tuple[Compensation, ...] = get_args(Compensation)
 MARGIN = {"lidar": 0.5, "radar": REACH}
 """Metres around a moving object within which a point is its own: LiDAR points are up to 23 ms old, radar's are blurred."""
 
@@ -35,9 +37,9 @@ class Delay:
     its own motion; "velocity", also by the velocity that the radars measure (of LiDAR points near radar points, and of radar
     points). Of a camera there is "none" only."""
 
-    sensor: Literal["camera", "lidar", "radar"]
+    sensor: Sensor
     seconds: Number
-    compensation: Literal["none", "ego", "velocity"]
+    compensation: Compensation
 
     def __post_init__(self) -> None:
         if self.sensor == "camera" and self.compensation != "none":

@@ -63,7 +63,7 @@ def _scores(cell: Cell, table: SampleBoxes, samples: CellSamples, *, is_whole: b
     an interval by the others, and of further subsets of the sensors alone, since intervals take most of the time."""
     matches = samples.truth.matches(table)
     figures = describe(samples.truth.metric.summarise(matches))
-    row = {name: _rounded(figures[name]) for name in ("mAP", "NDS", *TP_ERRORS)}
+    row: dict[str, Any] = {name: _rounded(figures[name]) for name in ("mAP", "NDS", *TP_ERRORS)}
     row["resampled"] = scaled(bootstrap_map(samples.truth.metric, matches, samples.copies))
     for part in cell.parts:
         grouping, copies = (

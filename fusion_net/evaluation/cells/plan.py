@@ -1,7 +1,7 @@
 """The cells that the levels of fusion are compared by: how sensors die, lose their calibration, run late and wear."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, get_args
 
 from hydra.utils import instantiate
 from omegaconf import OmegaConf
@@ -11,7 +11,7 @@ from fusion_net.common.fault_effects import Dead, FewerBeams, Mismount, Stale
 from fusion_net.common.faults import Fault
 from fusion_net.common.nuscenes_format import MODALITIES
 from fusion_net.evaluation.cells.cell import Cell
-from fusion_net.evaluation.cells.delays import COMPENSATIONS, Delay
+from fusion_net.evaluation.cells.delays import COMPENSATIONS, Delay, Sensor
 from fusion_net.evaluation.drop_table import SUBSETS
 
 GROUPS = ("conditions", "deaths", "calibration", "shake", "clocks", "corruptions", "swap")
@@ -99,7 +99,7 @@ def clocks(*, quick: bool) -> list[Cell]:
             delay=Delay(sensor, seconds, compensation),
             parts=("speed",),
         )
-        for sensor in MODALITIES
+        for sensor in get_args(Sensor)
         for compensation in (COMPENSATIONS if sensor != "camera" else COMPENSATIONS[:1])
         for seconds in (QUICK[DELAYS] if quick else DELAYS)
     ]

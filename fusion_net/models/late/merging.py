@@ -85,7 +85,7 @@ def _combined(A_inv: NDArray, a: NDArray, B_inv: NDArray, b: NDArray) -> tuple[A
     return mean[..., 0], (P + P.swapaxes(-1, -2)) / 2
 
 
-def _most_informative(information_of: Callable[[Array, Array], NDArray], A: Array, B: Array) -> Array:
+def _most_informative(information_of: Callable[[Array, NDArray], NDArray], A: Array, B: Array) -> Array:
     """The w (..., 1, 1) in [0, 1] under which the merged information has the largest determinant; it has one peak in w.
 
     In the coordinates in which A is the unit matrix and B diagonal, with the variances ``ratio``, the merged information of

@@ -48,6 +48,7 @@ def sweep(made, tmp_path, monkeypatch):
     """The same, to be changed."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("fusion_net.runs.trained.run_record", lambda folder, cfg: {})  # takes a second
+    monkeypatch.setattr("fusion_net.evaluation.cells.costs.REPEATS", 1)
     shutil.copytree(made / "runs", "runs")
     return SWEEP
 
@@ -94,47 +95,47 @@ def test_the_page_has_the_lessons_six_rows_and_its_verdicts(sweep, capsys):
     assert "Information retained" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_what_is_measured_is_kept_and_only_the_rest_is_measured_again(sweep, monkeypatch):
-    report()
-    files = sorted(sweep.glob("*/cells/val-1/*.json"))
-    assert {path.stem for path in files} == {"sound", "costs"}
-    assert len(files) == 6
     asked = []
     true_measure = measured.measure
 
     def interrupted(cell, detectors, samples, **options):
-        if len(asked) == 2:
+        if cell.group == "swap":
             raise KeyboardInterrupt
-        asked.append((cell.name, sorted(detectors)))
+        return true_measure(cell, detectors, samples, **options)
+
+    def noted(cell, detectors, samples, **options):
+        asked.append((cell.group, sorted(detectors)))
         return true_measure(cell, detectors, samples, **options)
 
     monkeypatch.setattr(measured, "measure", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        report(["deaths"])
-    assert [name for name, _ in asked] == ["camera blank", "camera stale"]
-    (sweep / "experiment-mid_seed-1/cells/val-1/deaths.json").unlink()
-    asked[:] = [("", []), ("", [])]
-    monkeypatch.setattr(
-        measured, "measure", lambda *args, **options: asked.append(args[0]) or true_measure(*args, **options)
-    )
-    report(["deaths"])
-    assert len(asked) == 2 + 6  # the first two of mid's alone, the others of all three
+        report(["swap"])
+    files = sorted(sweep.glob("*/cells/val-1/*.json"))
+    assert [path.stem for path in files] == ["sound"] * 3
+    (sweep / "experiment-mid_seed-1/cells/val-1/sound.json").unlink()
+    monkeypatch.setattr(measured, "measure", noted)
+    report(["swap"])
+    everyone = sorted(f"experiment-{level}_seed-1" for level in SCORES)
+    assert asked == [("sound", ["experiment-mid_seed-1"]), ("swap", everyone)]
     asked.clear()
-    report(["deaths"])
+    report(["swap"])
     assert not asked
 
 
+@pytest.mark.slow
 def test_committed_results_and_cells_make_the_same_page_without_any_run(sweep, capsys):
-    target = report(["deaths"], keep=True)
+    target = report(["swap"], keep=True)
     assert target == Path("docs/results/levels")
     cells = target / "cells/experiment-late_seed-1/val-1"
-    assert {path.stem for path in cells.iterdir()} == {"sound", "deaths", "costs"}
+    assert {path.stem for path in cells.iterdir()} == {"sound", "swap", "costs"}
     page = (target / "levels.md").read_text()
     for path in sweep.glob("*/checkpoints/best.ckpt"):
         path.unlink()
-    report(["deaths"], keep=True, only_read=True)
+    report(["swap"], keep=True, only_read=True)
     assert (target / "levels.md").read_text() == page
-    report(["deaths"])
+    report(["swap"])
     assert (
         "no weights in runs/sweeps/levels/experiment-early_seed-1, its committed cells are shown"
         in capsys.readouterr().out
@@ -164,6 +165,7 @@ def test_a_run_that_tells_no_level_and_two_runs_of_one_seed_are_refused(sweep, d
         find_levels(sweep, Path("none"))
 
 
+@pytest.mark.slow
 def test_a_fault_of_a_sensor_that_the_rig_lacks_is_left_out_with_a_line(sweep, data, tmp_path):
     root = write_data(tmp_path / "other", scenes=3)
     tables = root / "v1.0-tiny"

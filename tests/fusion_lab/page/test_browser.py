@@ -124,7 +124,7 @@ def choose(page, control, choice):
 
 def press(page, control, key="ArrowRight", times=1):
     for _ in range(times):
-        page.get_by_test_id(control).press(key)
+        page.get_by_test_id(control).locator("[tabindex]").press(key)
 
 
 def changes(page, act, expected):

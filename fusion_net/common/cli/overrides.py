@@ -32,6 +32,7 @@ COMMANDS = {
     "claims": "python -m fusion_net.reports.claims",
     "compare": "python -m fusion_net.reports.compare",
     "levels": "python -m fusion_net.reports.levels",
+    "tracks": "python -m fusion_net.reports.tracks",
     "statistics": "python -m fusion_net.reports.statistics",
     "lidar_check": "python -m fusion_net.viz.lidar_check",
     "painting": "python -m fusion_net.viz.painting",

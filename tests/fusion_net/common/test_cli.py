@@ -26,7 +26,7 @@ from fusion_net.common.cli.overrides import COMMANDS
         ("name=[a]", "is not a name"),
         ("dataset.augment={flip_z:true}", "unknown key 'flip_z' in dataset.augment; did you mean flip_y?"),
         ("sweep=seeds", "write [+]sweep=seeds"),
-        ("+sweep=seedz", "there is no sweep=seedz; did you mean seeds?"),
+        ("+sweep=seedz", "there is no sweep=seedz; did you mean seeds"),
         ("+extra.key=1", "unknown override 'extra.key'"),
         ("+trainer.max_steps=3", "did you mean trainer.max_minutes"),
         ("++trainer.max_steps=3", "did you mean trainer.max_minutes"),

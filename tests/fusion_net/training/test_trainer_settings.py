@@ -4,7 +4,7 @@ import pytest
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
-from fusion_net.common.cli.command import CONFIGS
+from fusion_net.common.cli.command import CONFIGS, build
 from fusion_net.fit import _plan
 
 
@@ -23,7 +23,8 @@ def test_smoke_is_cpu_but_for_seven_values():
 
 def test_warm_up_and_stage_fractions_reach_the_plan():
     fractions = "trainer.stage_fractions={camera:0.5,camera_only:0.25,fusion:0.25}"
-    plan = _plan(composed("trainer.warmup_fraction=0.4", "trainer.max_minutes=2", fractions))
+    cfg = composed("trainer.warmup_fraction=0.4", "trainer.max_minutes=2", fractions)
+    plan = _plan(cfg, build(cfg.model, "model"))
     assert plan.learning_rate(0.4) == pytest.approx(plan.max_lr)
     assert plan.learning_rate(0.2) < 0.6 * plan.max_lr
     assert plan.position(1, 30.0) == ("camera", pytest.approx(0.5))

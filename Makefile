@@ -34,7 +34,7 @@ lint: $(VENV)/installed
 	$(RUN) -m ruff format --check .
 	$(RUN) -m mypy
 
-# The pages of docs/ as a site: site/index.html, to be opened from the disk.
+# The pages of docs/ as a site: site/index.html can be opened from the disk; its search needs `python -m http.server -d site`.
 docs: $(VENV)/installed
 	$(RUN) -m pip install --quiet --constraint constraints.txt --editable '.[docs]'
 	NO_MKDOCS_2_WARNING=1 $(RUN) -m mkdocs build --strict

@@ -18,6 +18,7 @@ from fusion_net.viz.picture_sheet import CAPTION, FOUND, LABEL, WIDTH, camera_ro
 MATCH = 2.0
 """Metres between centres within which a detection is a label's: the largest distance but one of nuScenes' metric."""
 ALIVE, DEAD, TO_COME, TRACK = (70, 150, 90), (220, 60, 60), (62, 62, 66), (36, 36, 38)
+MISSED = (32, 73, 32)
 NAMES_END, ROW, BARS = 110, 26, 84
 """Pixels: where the strip's names end, the height of a sensor's row, the height of the bars."""
 
@@ -90,8 +91,8 @@ def _strip(moments: Sequence[Moment], now: int, dying: str, sensors: Sequence[st
             _fill(image, left, headline + row * ROW + 3, right - 2, headline + (row + 1) * ROW - 3, color)
         if number <= now:
             labels, hits = len(moment.sample.boxes), int(found_labels(moment.sample.boxes, moment.found).sum())
-            for count, color in ((labels, tuple(c // 3 for c in LABEL)), (hits, FOUND)):
-                _fill(image, left, floor - round((floor - top) * count / most), right - 2, floor, color)
+            _fill(image, left, floor - round((floor - top) * labels / most), right - 2, floor, MISSED)
+            _fill(image, left, floor - round((floor - top) * hits / most), right - 2, floor, FOUND)
             if number == now:
                 text = f"{hits} of {labels}, {len(moment.found) - hits} false"
                 _write(image, text, (min(left, WIDTH - 124), floor + 18), CAPTION)

@@ -8,7 +8,7 @@ from fusion_net.common.boxes import Boxes
 from fusion_net.data.datamodule import NuScenesDataset
 from fusion_net.viz.animation.__main__ import places_of, watch, write_gif
 from fusion_net.viz.animation.frame import DEAD, draw_frame, found_labels
-from fusion_net.viz.picture_sheet import LIDAR, WIDTH
+from fusion_net.viz.picture_sheet import RADAR, WIDTH
 from tests.fixtures.small_model import CLASSES, GRID, small_model
 from tests.fixtures.tiny_tree import write_tree
 
@@ -41,18 +41,18 @@ def dataset(tmp_path_factory):
 def test_the_sensor_is_dead_in_the_second_third_and_its_points_are_not_drawn(dataset):
     name, places = places_of(dataset, "scene-0001")
     assert (name, len(places)) == ("scene-0001", 6)
-    moments = watch(small_model().eval(), dataset, places, sensors=SENSORS, dies="lidar", min_score=0.0)
-    assert ["lidar" in moment.sensors for moment in moments] == [True, True, False, False, True, True]
+    moments = watch(small_model().eval(), dataset, places, sensors=SENSORS, dies="radar", min_score=1.0)
+    assert ["radar" in moment.sensors for moment in moments] == [True, True, False, False, True, True]
     assert [moment.time for moment in moments] == sorted(moment.time for moment in moments)
     frames = [
-        draw_frame(moments, now, grid=GRID, dying="lidar", sensors=SENSORS, min_score=0.0)
+        draw_frame(moments, now, grid=GRID, dying="radar", sensors=SENSORS, min_score=1.0)
         for now in range(len(moments))
     ]
     assert len({frame.shape for frame in frames}) == 1
-    grey = [(frame[30:, WIDTH + 4 :] == LIDAR).all(axis=-1).sum() for frame in frames]
+    blue = [(frame[30:, WIDTH + 4 :] == RADAR).all(axis=-1).sum() for frame in frames]
     red = [(frame[:, :WIDTH] == DEAD).all(axis=-1).sum() for frame in frames]
-    assert grey[1] > 0
-    assert grey[2] == grey[3] == 0
+    assert blue[1] > 0
+    assert blue[2] == blue[3] == 0
     assert red[1] < red[2] < red[3]
 
 

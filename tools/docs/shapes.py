@@ -17,6 +17,15 @@ from fusion_net.models.fusion_net import FusionNet
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "learn" / "shapes.md"
 POINTS, DETECTIONS = 8000, 120
 """LiDAR points and radar detections of the keyframe. The network takes any number."""
+MAPS = {
+    "heatmap": "by class, how much a centre is in the cell (logit)",
+    "offset": "of the centre from the cell's, x and y in m",
+    "height": "z of the centre in m",
+    "size": "log of width, length, height in m",
+    "rot": "sin and cos of yaw",
+    "velocity": "m/s; added to the radar's radial one",
+    "log_variance": "of the centre's x and y, m²",
+}
 HEAD = """# Shapes, stage by stage
 
 One keyframe of `data=nano` through the network of `python train.py experiment=nano`. Written by
@@ -81,7 +90,10 @@ def shapes_page() -> str:
         ("", "radar map", "(B, C, Y, X)", seen["radar"], "a raster with Doppler, through convolutions"),
         ("fuser", "fused map", "(B, C, Y, X)", seen["fuser"], "here the sensors meet; an absent one is zero"),
         ("decoder", "decoded map", "(B, C, Y, X)", seen["decoder"], "by way of half and quarter resolution"),
-        *(("head" * (not i), name, "(B, ., Y, X)", each, "") for i, (name, each) in enumerate(outputs.maps.items())),
+        *(
+            ("" if i else "head", name, "(B, ., Y, X)", each, MAPS.get(name, ""))
+            for i, (name, each) in enumerate(outputs.maps.items())
+        ),
     ]
     lines = ["| stage | what | axes | shape | values | |", "|---|---|---|---|--:|---|"]
     for stage, what, axes, value, note in rows:

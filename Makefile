@@ -9,7 +9,7 @@ NAME   ?= demo
 # MINUTES=5 ends the demo's training after so many minutes, annealed all the same: a shorter run than the README's table is of.
 MINUTES ?=
 
-.PHONY: demo try test check check-slow lint devkit
+.PHONY: demo try test check check-slow lint docs devkit
 
 demo: $(VENV)/installed
 	$(RUN) -m data_gen data=nano
@@ -33,6 +33,11 @@ lint: $(VENV)/installed
 	$(RUN) -m ruff check .
 	$(RUN) -m ruff format --check .
 	$(RUN) -m mypy
+
+# The pages of docs/ as a site: site/index.html can be opened from the disk; its search needs `python -m http.server -d site`.
+docs: $(VENV)/installed
+	$(RUN) -m pip install --quiet --constraint constraints.txt --editable '.[docs]'
+	NO_MKDOCS_2_WARNING=1 $(RUN) -m mkdocs build --strict
 
 devkit:
 	sh tools/devkit/setup.sh

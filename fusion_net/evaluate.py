@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig
 from torch import nn
 from torch.utils.data import DataLoader
 
@@ -37,12 +37,10 @@ from fusion_net.reports.run_result import RESULT, run_result, write_result
 from fusion_net.reports.tables import as_text, document, write_drop_table
 from fusion_net.runs.late import adapted
 from fusion_net.runs.run_dir import cut_short, environment, refuse_other_data
-from fusion_net.runs.trained import Trained, ship, shipped, trained_run
+from fusion_net.runs.trained import Trained, ship, trained_of, trained_run
 from fusion_net.viz.picture_sheet import picture_sheet
 
 RESULTS = "results_nusc.json"
-OF_A_RUN = ("best", "last")
-"""Checkpoints that every run has; another name without a run is of shipped weights."""
 
 
 def load_run(folder: Path, *, checkpoint: str = "best", **chosen: Any) -> tuple[FusionNet, NuScenesDataset, DictConfig]:
@@ -205,12 +203,10 @@ def evaluate_finished(folder: Path) -> None:
 
 
 def _trained(cfg: DictConfig) -> Trained:
-    """What ``run`` and ``checkpoint`` name: a run's checkpoint, or without a run shipped weights."""
-    if OmegaConf.is_missing(cfg, "run") and cfg.checkpoint not in OF_A_RUN:
-        if cfg.ship:
-            raise ValueError(f"ship={cfg.ship} ships a run; write run=runs/NAME")
-        return shipped(cfg.checkpoint)
-    trained = trained_run(Path(cfg.run), cfg.checkpoint)
+    """The detector that is scored, with the weights that a file of shipped weights will hold where one is made."""
+    trained = trained_of(cfg)
+    if cfg.ship and trained.is_shipped:
+        raise ValueError(f"ship={cfg.ship} ships a run; write run=runs/NAME")
     return trained.compact() if cfg.ship else trained
 
 

@@ -25,6 +25,8 @@ from fusion_net.runs.run_dir import (
 
 SHIPPED = CONFIGS.parent / "checkpoints"
 """Where ``checkpoint=nano`` and ``init=nano`` find ``nano.pt``."""
+OF_A_RUN = ("best", "last")
+"""Checkpoints that every run has; another name without a run is of shipped weights."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +53,13 @@ class Trained:
     def compact(self) -> "Trained":
         """The same with the weights as a file of shipped weights holds them."""
         return replace(self, weights=compact(self.weights))
+
+
+def trained_of(cfg: DictConfig) -> Trained:
+    """What a command's ``run`` and ``checkpoint`` name: a run's checkpoint, or without a run shipped weights."""
+    if OmegaConf.is_missing(cfg, "run") and cfg.checkpoint not in OF_A_RUN:
+        return shipped(cfg.checkpoint)
+    return trained_run(Path(cfg.run), cfg.checkpoint)
 
 
 def trained_run(folder: Path, checkpoint: str) -> Trained:

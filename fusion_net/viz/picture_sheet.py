@@ -39,7 +39,7 @@ def picture_sheet(
         sample = dataset[place]
         boxes = found.get(sample.token, Boxes.empty())
         tiles.append(draw_sample(sample, boxes[boxes.score > min_score], dataset))
-    sheet = _legend(min_score, 2 * tiles[0].shape[1] if tiles else WIDTH)
+    sheet = legend(min_score, 2 * tiles[0].shape[1] if tiles else WIDTH)
     if tiles:
         sheet = np.concatenate([sheet, montage(tiles, columns=2)])
     if not cv2.imwrite(str(path), sheet[..., ::-1]):
@@ -64,7 +64,7 @@ def draw_cameras(sample: Sample, found: Boxes, classes: list[str]) -> Image:
     if not len(sample.images):
         return np.zeros((ALONE, 0, 3), np.uint8)
     both = ((sample.boxes, LABEL), (found, FOUND))
-    return np.concatenate([_cameras(sample, boxes, color, classes) for boxes, color in both])
+    return np.concatenate([camera_rows(sample, boxes, color, classes) for boxes, color in both])
 
 
 def draw_ground(
@@ -83,8 +83,8 @@ def draw_ground(
     return ground
 
 
-def _cameras(sample: Sample, boxes: Boxes, color: Color, classes: list[str]) -> Image:
-    """All cameras side by side, up to three in a row, with boxes and their class names."""
+def camera_rows(sample: Sample, boxes: Boxes, color: Color, classes: list[str] | None) -> Image:
+    """All cameras side by side, ``WIDTH`` pixels, up to three in a row, with boxes and their class names (None: without)."""
     count, height, width = sample.images.shape[:3]
     columns = min(count, 3)
     scale = WIDTH / columns / width
@@ -94,7 +94,8 @@ def _cameras(sample: Sample, boxes: Boxes, color: Color, classes: list[str]) -> 
         image = cv2.resize(sample.images[camera], size, interpolation=cv2.INTER_CUBIC)
         mount = {"cam_K": sample.cam_K[camera], "ego_T_cam": sample.ego_T_cam[camera]}
         boxes_on_image(image, boxes, color=color, scale=scale, **mount)
-        _names(image, boxes, color, classes, scale=scale, **mount)
+        if classes is not None:
+            _names(image, boxes, color, classes, scale=scale, **mount)
         images.append(image)
     rows = montage(images, columns)
     return np.pad(rows, ((0, 0), (0, WIDTH - rows.shape[1]), (0, 0)))
@@ -119,7 +120,8 @@ def montage(images: list[Image], columns: int) -> Image:
     return np.concatenate(rows)
 
 
-def _legend(min_score: float, width: int) -> Image:
+def legend(min_score: float, width: int) -> Image:
+    """What the colours of a sheet mean, ``width`` pixels."""
     strip = np.zeros((26, width, 3), np.uint8)
     x = 12
     for text, color in LEGEND:

@@ -40,8 +40,19 @@ def is_late(cfg: DictConfig) -> bool:
 
 
 def chosen_detectors(late: DictConfig | None) -> dict[str, str]:
-    """The detectors of other runs that ``late.detectors`` names, by sensor."""
-    return {name: source for name, source in late.detectors.items() if source is not None} if late else {}
+    """The detectors of other runs that ``late.detectors`` names, by sensor. ValueError where it names none by a sensor."""
+    if late is None:
+        return {}
+    detectors = late.get("detectors") if isinstance(late, DictConfig) else late
+    if not isinstance(detectors, DictConfig):
+        raise ValueError(
+            f"late.detectors={detectors} is not one detector a sensor; write late.detectors.camera=runs/NAME"
+        )
+    chosen = {str(name): source for name, source in detectors.items() if source is not None}
+    for name, source in chosen.items():
+        if not isinstance(source, str):
+            raise ValueError(f"late.detectors.{name}={source} is not a run or a file of weights; write runs/NAME")
+    return chosen
 
 
 def with_detectors(cfg: DictConfig) -> DictConfig:

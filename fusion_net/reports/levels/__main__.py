@@ -77,7 +77,7 @@ def report(cfg: DictConfig) -> None:
     for name in ("batch_size", "bootstrap"):
         if cfg[name] < 1:
             raise ValueError(f"{name}={cfg[name]} must be at least 1")
-    scenes = cfg.quick_scenes if cfg.quick else cfg.scenes
+    scenes = cfg.quick_num_scenes if cfg.quick else cfg.num_scenes
     other = cfg.other_lidar if cfg.other_lidar and Path(cfg.other_lidar).exists() else None
     write_levels(
         Path(cfg.folder),

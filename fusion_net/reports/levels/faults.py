@@ -71,17 +71,20 @@ def resistance(found: Mapping[str, LevelScores]) -> dict[str, Any]:
     rows: dict[str, Any] = {}
     for level, scores in found.items():
         sound = scores.sound(figure="NDS").value
-        own = {name: float(np.mean(values)) / sound for name, values in nds[level].items()}
         base = nds.get("mid", {})
-        relative = {name: sum(values) / sum(base[name]) - 1 for name, values in nds[level].items() if name in base}
-        if own:
-            rows[level] = {
-                "RA": own,
-                "mRA": float(np.mean([*own.values()])),
-                "RRA": relative,
-                "mRRA": float(np.mean([*relative.values()])) if relative else None,
-            }
+        own = {name: float(np.mean(values)) / sound if sound else None for name, values in nds[level].items()}
+        relative = {
+            name: sum(values) / sum(base[name]) - 1 for name, values in nds[level].items() if any(base.get(name, ()))
+        }
+        if nds[level]:
+            rows[level] = {"RA": own, "mRA": _mean(own), "RRA": relative, "mRRA": _mean(relative)}
     return rows
+
+
+def _mean(values: Mapping[str, float | None]) -> float | None:
+    """Of what is known; None where nothing is: a run that finds nothing has nothing to lose."""
+    known = [value for value in values.values() if value is not None]
+    return float(np.mean(known)) if known else None
 
 
 def _by_corruption(scores: LevelScores) -> dict[str, list[float]]:

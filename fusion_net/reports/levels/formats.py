@@ -27,8 +27,10 @@ def at(estimate: dict[str, Any] | None, farthest: float) -> str:
     return value if value == low == high else f"{value} [{low}, {high}]"
 
 
-def percent(value: float, *, sign: bool = False) -> str:
-    """Of a share."""
+def percent(value: float | None, *, sign: bool = False) -> str:
+    """Of a share; "-" where it is not known."""
+    if value is None:
+        return "-"
     return f"{100 * value:+.0f} %" if sign else f"{100 * value:.0f} %"
 
 

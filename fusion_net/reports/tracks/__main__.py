@@ -45,6 +45,9 @@ FUSED_TRACKS = "fused tracks"
 def report(cfg: DictConfig) -> Path:
     """Writes ``tracks.{md,json,png}`` and the result file of each set of tracks; returns their folder. Of a split without
     labels only the result files."""
+    for name in ("batch_size", "bootstrap"):
+        if cfg[name] < 1:
+            raise ValueError(f"{name}={cfg[name]} must be at least 1")
     trained = trained_run(Path(cfg.run), cfg.checkpoint)
     root = trained.cfg.data.root if cfg.data.root is None else cfg.data.root
     dataset = open_samples(trained, split=cfg.split, root=root, version=cfg.data.version)

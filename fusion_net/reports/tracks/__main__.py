@@ -36,7 +36,7 @@ from fusion_net.reports.tables import name_of
 from fusion_net.reports.tracks.picture import busiest_scene, draw_tracks
 from fusion_net.reports.tracks.table import NOTES, as_row, as_text, write_tables
 from fusion_net.runs.run_dir import environment
-from fusion_net.runs.trained import Trained, trained_run
+from fusion_net.runs.trained import Trained, trained_of
 
 FUSED_TRACKS = "fused tracks"
 """Name of the row whose tracks are those of each sensor, fused; other rows are named by the sensors whose boxes they track."""
@@ -48,7 +48,7 @@ def report(cfg: DictConfig) -> Path:
     for name in ("batch_size", "bootstrap"):
         if cfg[name] < 1:
             raise ValueError(f"{name}={cfg[name]} must be at least 1")
-    trained = trained_run(Path(cfg.run), cfg.checkpoint)
+    trained = trained_of(cfg)
     root = trained.cfg.data.root if cfg.data.root is None else cfg.data.root
     dataset = open_samples(trained, split=cfg.split, root=root, version=cfg.data.version)
     truth = TrackTruth(dataset.index, classes=dataset.classes, grid=dataset.grid)

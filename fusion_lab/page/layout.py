@@ -48,7 +48,7 @@ class Layout:
         with ui.element("header").classes("top"):
             ui.html("<h1>Failure lab</h1>", sanitize=False)
             ui.label("Break a sensor: the trained network answers, on this machine.").classes("caption")
-        with ui.element("main").classes("lab"):
+        with ui.element("div").classes("lab"):
             with ui.element("div").classes("main"):
                 self.notice = ui.label().classes("notice").props('role="status" data-testid=notice')
                 self.notice.set_visibility(False)

@@ -35,6 +35,7 @@ COMMANDS = {
     "tracks": "python -m fusion_net.reports.tracks",
     "statistics": "python -m fusion_net.reports.statistics",
     "lidar_check": "python -m fusion_net.viz.lidar_check",
+    "animation": "python -m fusion_net.viz.animation",
     "painting": "python -m fusion_net.viz.painting",
     "lab": "python -m fusion_lab",
 }

@@ -46,5 +46,5 @@ def test_what_was_rendered_is_kept_and_nothing_half_written_is(studio):
 
 
 def test_a_rig_that_the_generator_does_not_know_is_refused_in_a_line(tmp_path):
-    with pytest.raises(ValueError, match="nano or .*surround; this detector was trained on 'mine'"):
+    with pytest.raises(ValueError, match=r"nano or .*surround; this detector was trained on 'mine'"):
         open_studio(tmp_path, rig="mine", scenes=1, keyframes=1, seed=1)

@@ -6,6 +6,7 @@ Settings are in ``configs/compare.yaml``.
 import shlex
 import sys
 from collections.abc import Sequence
+from itertools import takewhile
 from pathlib import Path
 
 from omegaconf import DictConfig
@@ -42,10 +43,9 @@ def report(cfg: DictConfig) -> None:
 def main() -> None:
     """Folders may be given without their key, first."""
     words = sys.argv[1:]
-    folders = [word.rstrip("/") for word in words if "=" not in word and not word.startswith("-")]
+    folders = [word.rstrip("/") for word in takewhile(lambda word: "=" not in word and not word.startswith("-"), words)]
     if folders:
-        rest = [word for word in words if "=" in word or word.startswith("-")]
-        sys.argv[1:] = [f"runs={as_override(folders)}", *rest]
+        sys.argv[1:] = [f"runs={as_override(folders)}", *words[len(folders) :]]
     report()
 
 

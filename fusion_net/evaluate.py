@@ -3,7 +3,7 @@
 import json
 import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -79,14 +79,8 @@ def open_samples(
 def evaluate_run(cfg: DictConfig) -> None:
     """What ``eval.py`` does: prints the drop table and writes everything into a folder under RUN/eval; of a split without
     labels the result file alone."""
-    for name in ("batch_size", "bootstrap"):
-        if cfg[name] < 1:
-            raise ValueError(f"{name}={cfg[name]} must be at least 1")
+    _check(cfg)
     audits = chosen_audits(cfg.audits)
-    if not 0 < cfg.audit_gate < math.inf:
-        raise ValueError(f"audit_gate={cfg.audit_gate} must be a finite number of metres above 0; try audit_gate=2")
-    if cfg.ship and not cfg.ship.endswith(".pt"):
-        raise ValueError(f"ship={cfg.ship} is no file of weights; end it with .pt")
     trained, changes = adapted(_trained(cfg), cfg.late)
     dataset = open_samples(trained, split=cfg.split, root=cfg.data.root, version=cfg.data.version, fault=cfg.fault)
     model = trained.model()
@@ -130,15 +124,9 @@ def evaluate_run(cfg: DictConfig) -> None:
     )
     if dataset.reader.faults:
         doc["fault"] = {"name": cfg.fault.name, "severity": cfg.fault.severity}
-    if cfg.depth_source:
-        doc["notes"].append(f"the camera's features were lifted by depth_source={cfg.depth_source}")
-    if cut := cut_short(trained.record):
-        doc["notes"].append(cut)
     if changes:
         doc["late"] = changes
-        doc["notes"].append(
-            "late fusion other than it was trained: " + ", ".join(f"{k}={v}" for k, v in changes.items())
-        )
+    doc["notes"] += _notes(cfg, trained, changes)
     audit = audit_decoys(truth, dataset.index, table.tables)
     if audit:
         doc["decoys"] = audit
@@ -185,6 +173,27 @@ def evaluate_run(cfg: DictConfig) -> None:
         print(f"wrote {path}: {path.stat().st_size / 1e6:.1f} MB", file=sys.stderr)
     if cfg.report:
         print(f"report: {target / REPORT}", flush=True)
+
+
+def _notes(cfg: DictConfig, trained: Trained, changes: Mapping[str, str]) -> list[str]:
+    """What a reader of the table has to know: how the detector is other than it was to be trained, or was trained."""
+    notes = [f"the camera's features were lifted by depth_source={cfg.depth_source}"] if cfg.depth_source else []
+    if cut := cut_short(trained.record):
+        notes.append(cut)
+    if changes:
+        notes.append("late fusion other than it was trained: " + ", ".join(f"{k}={v}" for k, v in changes.items()))
+    return notes
+
+
+def _check(cfg: DictConfig) -> None:
+    """ValueError for settings that no evaluation can have."""
+    for name in ("batch_size", "bootstrap"):
+        if cfg[name] < 1:
+            raise ValueError(f"{name}={cfg[name]} must be at least 1")
+    if not 0 < cfg.audit_gate < math.inf:
+        raise ValueError(f"audit_gate={cfg.audit_gate} must be a finite number of metres above 0; try audit_gate=2")
+    if cfg.ship and not cfg.ship.endswith(".pt"):
+        raise ValueError(f"ship={cfg.ship} is no file of weights; end it with .pt")
 
 
 def lift_by(model: nn.Module, depth_source: str) -> None:

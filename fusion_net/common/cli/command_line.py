@@ -3,6 +3,7 @@
 import hashlib
 import re
 import shlex
+import sys
 from collections.abc import Sequence
 from typing import Any
 
@@ -23,6 +24,12 @@ def command_line(program: str, **overrides: Any) -> str:
     """``python PROGRAM key=value ...`` for a shell. A double underscore in a key stands for a dot: ``data__root=folder``."""
     words = [f"{key.replace('__', '.')}={as_override(value)}" for key, value in overrides.items()]
     return f"python {program} {shlex.join(words)}".rstrip()
+
+
+def name_folder() -> None:
+    """Lets the first word of the command line be the folder without its key: ``FOLDER`` becomes ``folder=FOLDER``."""
+    if sys.argv[1:] and "=" not in sys.argv[1] and not sys.argv[1].startswith("-"):
+        sys.argv[1] = f"folder={as_override(sys.argv[1].rstrip('/'))}"
 
 
 def as_override(value: Any) -> str:

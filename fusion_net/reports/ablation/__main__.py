@@ -10,7 +10,7 @@ from pathlib import Path
 from omegaconf import DictConfig
 
 from fusion_net.common.cli.command import command
-from fusion_net.common.cli.command_line import as_override
+from fusion_net.common.cli.command_line import as_override, name_folder
 from fusion_net.reports.ablation.compare import compare
 from fusion_net.reports.ablation.jobs import collect, find_jobs
 from fusion_net.reports.ablation.pages import as_markdown, as_text
@@ -58,8 +58,7 @@ def report(cfg: DictConfig) -> None:
 
 def main() -> None:
     """The folder may be given without its key, first."""
-    if sys.argv[1:] and "=" not in sys.argv[1] and not sys.argv[1].startswith("-"):
-        sys.argv[1] = f"folder={as_override(sys.argv[1].rstrip('/'))}"
+    name_folder()
     report()
 
 

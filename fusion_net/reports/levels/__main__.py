@@ -11,7 +11,7 @@ from pathlib import Path
 from omegaconf import DictConfig
 
 from fusion_net.common.cli.command import command
-from fusion_net.common.cli.command_line import as_override
+from fusion_net.common.cli.command_line import name_folder
 from fusion_net.evaluation.cells.plan import plan
 from fusion_net.evaluation.cells.store import write_cells
 from fusion_net.reports.ablation.jobs import collect
@@ -96,8 +96,7 @@ def report(cfg: DictConfig) -> None:
 
 def main() -> None:
     """The folder may be given without its key, first."""
-    if sys.argv[1:] and "=" not in sys.argv[1] and not sys.argv[1].startswith("-"):
-        sys.argv[1] = f"folder={as_override(sys.argv[1].rstrip('/'))}"
+    name_folder()
     report()
 
 

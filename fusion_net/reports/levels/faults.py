@@ -29,17 +29,20 @@ def deaths(scores: LevelScores) -> dict[str, Estimate]:
 
 
 def blank_left(scores: LevelScores) -> Estimate | None:
+    """Share of mAP left with one sensor blank, mean over the sensors; None until each was measured."""
     blank = [score for name, score in deaths(scores).items() if name.endswith("blank")]
     return ratio(blank, scores.sound()) if len(blank) == len(MODALITIES) else None
 
 
 def swap_difference(scores: LevelScores, name: str) -> dict[str, Any]:
+    """mAP gained (mostly lost) by the swap of a sensor without training, paired over scenes."""
     own, sound = scores.score("swap", name), scores.sound()
     assert own is not None
     return Estimate(own.value - sound.value, own.draws - sound.draws).plain()
 
 
 def swap_left(scores: LevelScores) -> Estimate | None:
+    """Share of mAP left after the first swap of a sensor that was measured; None where none was."""
     names = [*scores.cells("swap")]
     score = scores.score("swap", names[0]) if names else None
     return None if score is None else ratio([score], scores.sound())
@@ -52,6 +55,7 @@ def by_kind(curves: Sequence[Curve]) -> tuple[list[Curve], list[Curve]]:
 
 
 def uncompensated(curves: Sequence[Curve]) -> list[Curve]:
+    """Of the curves over a clock's delay those that nothing compensates."""
     return [curve for curve in curves if curve.name.endswith("none")]
 
 

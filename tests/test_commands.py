@@ -15,6 +15,7 @@ import pytest
 import torch
 
 from fusion_net.common.cli.command_line import as_override
+from tests.fixtures.warm_python import WarmPython
 
 PROJECT = Path(__file__).resolve().parents[1]
 ENVIRONMENT = os.environ | {"OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
@@ -57,6 +58,18 @@ def press(number, arguments, folder, *, once):
     os.killpg(command.pid, number)
     error = command.communicate(timeout=60)[1]
     return command.returncode, error.replace("\r", "\n").strip().splitlines()
+
+
+@pytest.fixture(scope="module")
+def warm():
+    """For commands that refuse or only tell; whatever trains, generates or is interrupted gets a Python of its own."""
+    modules = (
+        "data_gen.generate", "data_gen.pictures.contact_sheet", "fusion_net.fit", "fusion_net.evaluate", "fusion_net.reports.statistics",
+        "fusion_net.reports.tracks.__main__", "fusion_net.reports.compare.__main__", "fusion_net.reports.ablation.__main__",
+    )  # fmt: skip
+    python = WarmPython(imports=modules, environment=ENVIRONMENT)
+    yield python
+    python.close()
 
 
 @pytest.fixture(scope="module")
@@ -159,8 +172,8 @@ MISTAKES = [
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("command", "override", "answer"), MISTAKES, ids=[override for _, override, _ in MISTAKES])
-def test_a_mistake_is_one_line_and_writes_nothing(command, override, answer, tmp_path):
-    code, _, error = run([*command, *override.split()], tmp_path)
+def test_a_mistake_is_one_line_and_writes_nothing(command, override, answer, tmp_path, warm):
+    code, _, error = warm.run([*command, *override.split()], tmp_path)
     assert code in (1, 2)
     assert error.startswith("error: ")
     assert error.count("\n") == 1
@@ -323,13 +336,13 @@ def test_the_command_that_is_printed_scores_a_run_of_any_name(data, tmp_path, na
 
 
 @pytest.mark.slow
-def test_the_commands_that_messages_advise_can_be_given(tmp_path):
+def test_the_commands_that_messages_advise_can_be_given(tmp_path, warm):
     """Each with --cfg job, which reads it and prints the settings."""
     folder = "no data, [here]"
     for command in ([*TRAIN, f"data.root={as_override(folder)}"], [*EVAL, f"run={as_override(folder)}"]):
-        _, _, error = run(command, tmp_path)
+        _, _, error = warm.run(command, tmp_path)
         (advice,) = advised(error)
-        code, out, error = run([*advice, "--cfg", "job"], tmp_path)
+        code, out, error = warm.run([*advice, "--cfg", "job"], tmp_path)
         assert code == 0, error
         assert folder in out
 
@@ -343,14 +356,14 @@ def test_the_commands_that_messages_advise_can_be_given(tmp_path):
 @pytest.mark.parametrize(
     "flags", [["--help"], ["--cfg", "job"], ["--info", "defaults-tree"]], ids=lambda flags: flags[0]
 )
-def test_flags_that_only_tell_end_well(command, flags, tmp_path):
-    code, out, error = run([*command, *flags], tmp_path)
+def test_flags_that_only_tell_end_well(command, flags, tmp_path, warm):
+    code, out, error = warm.run([*command, *flags], tmp_path)
     assert (code, error) == (0, "")
     assert out
 
 
 @pytest.mark.slow
-def test_every_command_takes_settings_from_a_folder_of_ones_own(tmp_path):
+def test_every_command_takes_settings_from_a_folder_of_ones_own(tmp_path, warm):
     for group, like in (("fault", "lidar_beams"), ("rig", "nano"), ("condition", "fog"), ("trainer", "smoke")):
         path = tmp_path / "own" / group / "mine.yaml"
         path.parent.mkdir(parents=True)
@@ -361,7 +374,7 @@ def test_every_command_takes_settings_from_a_folder_of_ones_own(tmp_path):
         (TRAIN[:1], "trainer=mine"), (EVAL, "fault=mine"), (DATA_GEN, "rig=mine"), (SHEET, "condition=mine"),
         (PREVIEW, "rig=mine"),
     ):  # fmt: skip
-        code, _, error = run([*command, "--config-dir", "own", choice, "--cfg", "job"], tmp_path)
+        code, _, error = warm.run([*command, "--config-dir", "own", choice, "--cfg", "job"], tmp_path)
         assert (code, error) == (0, "")
     code, _, error = run([*PREVIEW, "rig=mine", "--config-dir", "own", "out=mine.png"], tmp_path)
     assert code == 0, error

@@ -63,10 +63,9 @@ def press(number, arguments, folder, *, once):
 @pytest.fixture(scope="module")
 def warm():
     """For commands that refuse or only tell; whatever trains, generates or is interrupted gets a Python of its own."""
-    modules = (
-        "data_gen.generate", "data_gen.pictures.contact_sheet", "fusion_net.fit", "fusion_net.evaluate",
-        "fusion_net.reports.statistics", "fusion_net.reports.tracks.__main__", "fusion_net.reports.compare.__main__", "fusion_net.reports.ablation.__main__",
-    )  # fmt: skip
+    reports = ("statistics", "tracks.__main__", "compare.__main__", "ablation.__main__")
+    modules = ("data_gen.generate", "data_gen.pictures.contact_sheet", "fusion_net.fit", "fusion_net.evaluate")
+    modules += tuple(f"fusion_net.reports.{name}" for name in reports)
     python = WarmPython(imports=modules, environment=ENVIRONMENT)
     yield python
     python.close()

@@ -46,9 +46,9 @@ class GradedAxis(Axis):
     """``count`` cells from ``low`` on that grow with the distance from 0 m: from one to the next by ``growth`` metres, from
     ``cell`` metres at 0 m on.
 
-    An arithmetic progression, as linear-increasing discretization (LID) of depth (Tang et al. 2020, arXiv 2005.13423) and the
-    rings around a LiDAR of NUC-Net (Wang et al. 2025, arXiv 2505.24634): the place u cells from
-    0 m is at u (cell + growth abs(u) / 2) metres. The inverse takes a square root, which is rounded in one way everywhere.
+    An arithmetic progression, as in the linear-increasing discretization (LID) of depth (Tang et al. 2020, arXiv 2005.13423)
+    and in NUC-Net's rings around a LiDAR (Wang et al. 2025, arXiv 2505.24634): what is u cells from 0 m is at
+    u (cell + growth abs(u) / 2) metres. The inverse takes a square root, which is rounded in the same way everywhere.
     """
 
     growth: float
@@ -189,16 +189,18 @@ class GradedGrid(BEVGrid):
 
     def __post_init__(self) -> None:
         self._check_numbers()
-        for (axis, low, high), name, count in zip(
-            self._bounds, ("columns", "rows"), (self.columns, self.rows), strict=True
-        ):
-            if not low < high or count < 1:
-                raise ValueError(f"grid: {name}={count} must be at least 1, and {axis}_min={low} below {axis}_max={high}")
+        counts = (("columns", self.columns), ("rows", self.rows))
+        for (axis, low, high), (name, count) in zip(self._bounds, counts, strict=True):
+            if not low < high:
+                raise ValueError(f"grid: {axis}_max={high} must be above {axis}_min={low}")
+            if count < 1:
+                raise ValueError(f"grid: {name}={count} must be at least 1")
             if count * self.cell > high - low + 1e-6:
                 most = math.floor((high - low) / self.cell + 1e-6)
+                fewer = f"{name}={most} or fewer, or " if most else ""
                 raise ValueError(
-                    f"grid: {name}={count} cells of at least {self.cell} m are more than fit into {axis} from {low} to {high} m;"
-                    f" take {name}={most} or fewer, or cell={(high - low) / count:g} or less"
+                    f"grid: {name}={count} cells of at least {self.cell} m do not fit into {axis} from {low} to {high} m;"
+                    f" take {fewer}cell={(high - low) / count:g} or less"
                 )
 
     @cached_property

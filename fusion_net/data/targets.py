@@ -33,7 +33,8 @@ def center_targets(
 ) -> Targets:
     """Targets of a batch from the boxes of each sample in the ego frame; objects off the grid are left out.
 
-    A Gaussian is round in metres: where cells are longer than wide its radii in cells differ. ``min_radius`` in cells. Of two objects in one cell the nearer to the ego keeps it.
+    A Gaussian is round in metres: where cells are longer than wide its radii in cells differ. ``min_radius`` in cells. Of two
+    objects in one cell the nearer to the ego keeps it.
     """
     sample = np.repeat(np.arange(len(boxes)), [len(b) for b in boxes])
     center, wlh, yaw, velocity, label = (

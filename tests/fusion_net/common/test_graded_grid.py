@@ -1,4 +1,4 @@
-"""A grid whose cells grow with the distance: the map and its inverse, and that everything in metres comes out as in equal cells."""
+"""A grid whose cells grow with the distance: the map and its inverse, and what every grid promises."""
 
 import numpy as np
 import pytest
@@ -138,10 +138,10 @@ def test_a_picture_of_a_map_shows_every_place_its_own_cell():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"rows": 57}, r"rows=57 cells of at least 0\.8 m are more than fit into y from -22\.4 to 22\.4 m; take rows=56"),
+        ({"rows": 57}, r"rows=57 cells of at least 0\.8 m do not fit into y from -22\.4 to 22\.4 m; take rows=56"),
         ({"columns": 65}, r"columns=65 .* take columns=64 or fewer, or cell=0\.787692 or less"),
         ({"rows": 0}, "rows=0 must be at least 1"),
-        ({"x_max": -1.0}, r"x_min=0\.0 below x_max=-1\.0"),
+        ({"x_max": -1.0}, r"x_max=-1\.0 must be above x_min=0\.0"),
         ({"cell": 0.0}, r"cell=0\.0 must be above 0"),
         ({"y_max": float("inf")}, "bounds finite"),
     ],

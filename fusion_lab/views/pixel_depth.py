@@ -67,8 +67,8 @@ def _landing(
     depth = centers.expand(1, 1, *size, len(centers))
     cam_K, ego_T_cam = (torch.from_numpy(each[None, :1]).float() for each in (sample.cam_K, sample.ego_T_cam))
     points = ego_points(depth, cam_K, ego_T_cam, sample.images.shape[1] // size[0])[0, 0, row, column]
-    row, column, inside = (each.tolist() for each in grid.rows_columns(points[:, :2]))
-    return list(zip(zip(row, column, strict=True), inside, strict=True))
+    rows, columns, inside = (each.tolist() for each in grid.rows_columns(points[:, :2]))
+    return list(zip(zip(rows, columns, strict=True), inside, strict=True))
 
 
 def _bars(probability: torch.Tensor, bins: DepthBins, truth: float) -> str:

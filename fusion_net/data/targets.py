@@ -41,22 +41,18 @@ def center_targets(
         np.concatenate([getattr(b, name) for b in (Boxes.empty(), *boxes)])
         for name in ("center", "wlh", "yaw", "velocity", "label")
     )
-    row, column, inside = grid.rows_columns(torch.from_numpy(center[:, :2]))
-    sizes = [
-        np.broadcast_to(np.asarray(axis.size(index)), len(center))
-        for axis, index in ((grid.y_axis, row), (grid.x_axis, column))
-    ]
-    row, column, inside = row.numpy(), column.numpy(), inside.numpy()
+    row, column, inside = (t.numpy() for t in grid.rows_columns(torch.from_numpy(center[:, :2])))
     near_first = np.argsort(np.hypot(center[:, 0], center[:, 1]), kind="stable")
     chosen = near_first[inside[near_first]]
     sample, row, column, label = sample[chosen], row[chosen], column[chosen], label[chosen]
     center, wlh, yaw, velocity = center[chosen], wlh[chosen], yaw[chosen], velocity[chosen]
 
     rows, columns = grid.shape
-    radii = [
-        np.maximum(gaussian_radius(*(wlh[:, [1, 0]].T / size[chosen]), min_overlap).astype(np.int64), min_radius)
-        for size in sizes
-    ]
+    radii = []
+    for axis, index in ((grid.y_axis, row), (grid.x_axis, column)):
+        size = np.asarray(axis.size(torch.from_numpy(index)))
+        radius = gaussian_radius(wlh[:, 1] / size, wlh[:, 0] / size, min_overlap).astype(np.int64)
+        radii.append(np.maximum(radius, min_radius))
     heatmap = _render_heatmap((len(boxes), num_classes, rows, columns), sample, label, (row, column), radii)
     _, first = np.unique((sample * rows + row) * columns + column, return_index=True)
     cell = (sample[first], row[first], column[first])

@@ -1,4 +1,5 @@
-"""How near a training step is to its own convolutions: ``python -m benchmarks.model_step [threads]`` on random data.
+"""How near a training step is to its own convolutions: ``python -m benchmarks.model_step [threads [grid=graded ...]]``
+on random data, with overrides of ``train.py``.
 
 The step as it is trained, a batch of eight: forward, loss, backward, clipping, Muon and AdamW, moving average. The limit:
 the same network's convolutions alone, forward and backward, on maps of the same shapes, layout and precision. Both in the
@@ -102,10 +103,10 @@ def convolutions_alone(step: Step) -> Callable[[], None]:
     return run
 
 
-def measure(*, frozen: bool, repeats: int = 20) -> dict[str, float]:
+def measure(*overrides: str, frozen: bool, repeats: int = 20) -> dict[str, float]:
     """Milliseconds of the whole step, of its parts and of its convolutions alone, in turn."""
     torch.manual_seed(0)
-    model = load_model()
+    model = load_model(*overrides)
     step = Step(model, random_batch(grid=model.grid), frozen=frozen)
     step()  # a frozen camera sees each sample once, its features are kept
     limit = convolutions_alone(step)
@@ -119,9 +120,9 @@ def measure(*, frozen: bool, repeats: int = 20) -> dict[str, float]:
     return {"step": min(whole), "convolutions alone": min(alone)} | split
 
 
-def inference(batch_size: int = 8) -> float:
+def inference(*overrides: str, batch_size: int = 8) -> float:
     """Milliseconds a sample from a batch to boxes, all sensors."""
-    model = load_model().eval()
+    model = load_model(*overrides).eval()
     batch = random_batch(batch_size, grid=model.grid)
 
     def run() -> None:
@@ -136,14 +137,15 @@ def main() -> None:
     """Print the ratio and the split and, last, one JSON object."""
     torch.set_num_threads(int(sys.argv[1]) if len(sys.argv) > 1 else 2)
     keep_memory()
-    figures = {mode: measure(frozen=mode == "frozen") for mode in ("learning", "frozen")}
+    overrides = sys.argv[2:]
+    figures = {mode: measure(*overrides, frozen=mode == "frozen") for mode in ("learning", "frozen")}
     print(f"{torch.get_num_threads()} threads, batch of 8; ms\n{'':20}{'camera learning':>16}{'camera frozen':>16}")
     for name in figures["learning"]:
         print(f"{name:20}{figures['learning'][name]:16.1f}{figures['frozen'][name]:16.1f}")
     ratio = {mode: each["step"] / each["convolutions alone"] for mode, each in figures.items()}
     rates = {mode: 8e3 / each["step"] for mode, each in figures.items()}
     print(f"{'ratio':20}{ratio['learning']:16.2f}{ratio['frozen']:16.2f}")
-    each = {"inference_ms_per_sample": inference()}
+    each = {"inference_ms_per_sample": inference(*overrides)}
     print(f"inference, all sensors: {each['inference_ms_per_sample']:.1f} ms a sample")
     print(json.dumps({"ratio_to_convolutions": ratio, "samples_per_s": rates, "ms": figures} | each))
 

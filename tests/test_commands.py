@@ -146,6 +146,7 @@ MISTAKES = [
     (TRAIN, "dataset.workers=-1", "dataset.workers=-1 is not a number of processes"),
     (TRAIN, "encoders=[camera,camera]", "'camera' is there twice"),
     (TRAIN, "grid.cell=0", "cell=0.0 must be above 0"),
+    (TRAIN, "grid=graded grid.rows=200", "take rows=112 or fewer, or cell=0.224 or less"),
     (TRAIN, f"data.root={'x' * 300}", "File name too long"),
     (EVAL, "run=null", "run=null is not a name"),
     (EVAL, "run=5", "no run at 5"),

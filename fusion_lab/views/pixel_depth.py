@@ -3,11 +3,11 @@ that the pixel's feature lands in (Lift-Splat, Philion and Fidler 2020)."""
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 
 from fusion_lab.engine.answers import Answer
 from fusion_lab.views.content import MISSING, Content, svg, text
 from fusion_lab.views.pictures import SCALE, camera_picture
+from fusion_net.common.bev_grid import Axis
 from fusion_net.models.blocks.depth_bins import DepthBins
 from fusion_net.models.encoders.view_transforms import ego_points
 
@@ -33,7 +33,7 @@ def content(answer: Answer) -> Content:
     overlay = (
         '<rect x="{0:.0f}" y="{1:.0f}" width="{2:.0f}" height="{2:.0f}" fill="none" stroke="#fff" stroke-width="4"/>'
     )
-    cells = len({tuple(cell) for cell, inside in where if inside})
+    cells = len({cell for cell, inside in where if inside})
     largest, mean = float(centers[probability.argmax()]), float((probability * centers).sum())
     said = (
         f"most likely {largest:.1f} m, mean {mean:.1f} m, entropy {_entropy(probability):.1f} of"
@@ -61,14 +61,14 @@ def _entropy(probability: torch.Tensor) -> float:
 
 def _landing(
     answer: Answer, centers: torch.Tensor, row: int, column: int, size: tuple[int, int]
-) -> list[tuple[NDArray, bool]]:
+) -> list[tuple[tuple[int, int], bool]]:
     """The cell (row, column) of the grid that each bin's centre lands in, and whether it is on the grid."""
     sample, grid = answer.sample, answer.grid
     depth = centers.expand(1, 1, *size, len(centers))
     cam_K, ego_T_cam = (torch.from_numpy(each[None, :1]).float() for each in (sample.cam_K, sample.ego_T_cam))
-    points = ego_points(depth, cam_K, ego_T_cam, sample.images.shape[1] // size[0])[0, 0, row, column].numpy()
-    cell = np.floor((points[:, :2] - [grid.x_min, grid.y_min]) / grid.cell).astype(int)[:, ::-1]
-    return list(zip(cell, grid.contains(points[:, :2]), strict=True))
+    points = ego_points(depth, cam_K, ego_T_cam, sample.images.shape[1] // size[0])[0, 0, row, column]
+    rows, columns, inside = (each.tolist() for each in grid.rows_columns(points[:, :2]))
+    return list(zip(zip(rows, columns, strict=True), inside, strict=True))
 
 
 def _bars(probability: torch.Tensor, bins: DepthBins, truth: float) -> str:
@@ -95,17 +95,23 @@ def _bars(probability: torch.Tensor, bins: DepthBins, truth: float) -> str:
 def _ground(answer: Answer, probability, where, truth: float, centers: torch.Tensor) -> str:
     """The grid from above, ahead up, with the cells that the pixel lands in."""
     grid = answer.grid
-    rows, columns = grid.shape
-    scale = MAP / columns
-    width = rows * scale
+    scale = MAP / (grid.x_max - grid.x_min)
+    width = (grid.y_max - grid.y_min) * scale
     parts = [f'<rect width="{width:.0f}" height="{MAP}" class="ground"/>']
     top = float(probability.max())
     nearest = int((centers - truth).abs().argmin()) if truth else -1
     for k, (((row, column), inside), value) in enumerate(zip(where, probability.tolist(), strict=True)):
         if inside:
-            x, y = width - (row + 1) * scale, MAP - (column + 1) * scale
+            x, wide = _side(grid.y_axis, row, grid.y_max, scale)
+            y, tall = _side(grid.x_axis, column, grid.x_max, scale)
             mark = ' stroke="#63e06a" stroke-width="2"' if k == nearest else ""
-            parts.append(f'<rect x="{x:.1f}" y="{y:.1f}" width="{scale:.1f}" height="{scale:.1f}" fill="#ff9a2e"'
+            parts.append(f'<rect x="{x:.1f}" y="{y:.1f}" width="{wide:.1f}" height="{tall:.1f}" fill="#ff9a2e"'
                          f' fill-opacity="{max(value / top, 0.06):.2f}"{mark}/>')  # fmt: skip
     parts.append(text(6, 16, "its cells; green: the exact one", 'class="onmap"'))
     return svg(width, MAP, "".join(parts), "The grid from above with the cells along the pixel's ray")
+
+
+def _side(axis: Axis, index: int, high: float, scale: float) -> tuple[float, float]:
+    """Where a cell begins on the map along one axis, which is drawn from ``high`` down, and how long it is, in pixels."""
+    low_edge, high_edge = axis.to_metres(torch.tensor([index, index + 1.0])).tolist()
+    return (high - high_edge) * scale, (high_edge - low_edge) * scale

@@ -1,6 +1,5 @@
 """Three sensors fill one grid: how strong each sensor's feature map is in each cell, camera red, LiDAR green, radar blue."""
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,19 +19,15 @@ def content(answer: Answer) -> Content:
     picture = np.zeros((*answer.grid.shape, 3), np.float32)
     for name in shown:
         picture += strength[name][..., None] * np.array(COLORS[name], np.float32)
-    panel = panel_of(answer.grid)
-    height, width = panel.canvas().shape[:2]
-    upright = np.clip(picture, 0, 255).astype(np.uint8).transpose(1, 0, 2)[::-1, ::-1]  # ahead up, left to the left
-    large = np.asarray(
-        cv2.resize(np.ascontiguousarray(upright), (width, height), interpolation=cv2.INTER_NEAREST), np.uint8
-    )
+    large = panel_of(answer.grid).of_map(np.clip(picture, 0, 255).astype(np.uint8))
     rows = [(name, *_said(answer, name, strength)) for name in MODALITIES]
     filled = [strength[name] > 0.25 for name in maps]
     together = np.sum([np.zeros(answer.grid.shape, int), *filled], axis=0)
+    sides = " to ".join(dict.fromkeys(f"{side:.2g}" for side in answer.grid.sides()))
     two, three = (int((together >= count).sum()) for count in (2, 3))
     said = (
         f"<p>Each sensor has put what it measured into the same {answer.grid.shape[1]} x {answer.grid.shape[0]} cells of"
-        f" {answer.grid.cell:g} m. {two} cells are strong in two sensors or more, {three} in all three: there the colours add"
+        f" {sides} m. {two} cells are strong in two sensors or more, {three} in all three: there the colours add"
         " up to yellow, cyan or white, and fusing is work on the numbers of one cell.</p>"
     )
     return Content(

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import torch
 from numpy.typing import ArrayLike, NDArray
 
 from fusion_net.common.bev_grid import BEVGrid
@@ -53,11 +54,16 @@ class BEVPanel:
     grid: BEVGrid
     scale: float = 8.0
 
+    @property
+    def size(self) -> tuple[int, int]:
+        """Rows and columns of pixels."""
+        grid = self.grid
+        return round((grid.x_max - grid.x_min) * self.scale), round((grid.y_max - grid.y_min) * self.scale)
+
     def canvas(self, ring: float = 10.0) -> Image:
         """A dark panel with circles every ``ring`` metres around the car and the car's own arrow."""
         grid = self.grid
-        size = (round((grid.x_max - grid.x_min) * self.scale), round((grid.y_max - grid.y_min) * self.scale))
-        image = np.full((*size, 3), 24, np.uint8)
+        image = np.full((*self.size, 3), 24, np.uint8)
         reach = np.hypot(max(-grid.x_min, grid.x_max), max(-grid.y_min, grid.y_max))
         origin = _fixed(self.pixels(np.zeros((1, 2))))[0].tolist()
         for radius in np.arange(ring, reach, ring):
@@ -69,6 +75,14 @@ class BEVPanel:
         """Pixels (N, 2) as (u, v) of ego points (N, 2)."""
         x, y = np.asarray(xy, float)[:, :2].T
         return np.stack([self.grid.y_max - y, self.grid.x_max - x], axis=1) * self.scale
+
+    def of_map(self, values: NDArray) -> NDArray:
+        """A map (Y, X, ...) of the grid as a picture (H, W, ...) of its ground: of each pixel the value of its cell."""
+        height, width = self.size
+        x = self.grid.x_max - (torch.arange(height) + 0.5) / self.scale
+        y = self.grid.y_max - (torch.arange(width) + 0.5) / self.scale
+        row, column, _ = self.grid.rows_columns(torch.stack(torch.meshgrid(x, y, indexing="ij"), dim=-1))
+        return values[row.numpy(), column.numpy()]
 
     def points(self, image: Image, xy: ArrayLike, color: ArrayLike, radius: int = 1) -> None:
         """Squares of 2 ``radius`` - 1 pixels in one colour (3,) or a colour each (N, 3)."""

@@ -33,7 +33,8 @@ def center_targets(
 ) -> Targets:
     """Targets of a batch from the boxes of each sample in the ego frame; objects off the grid are left out.
 
-    ``min_radius`` in cells. Of two objects in one cell the nearer to the ego keeps it.
+    A Gaussian is round in metres: where cells are longer than wide its radii in cells differ. ``min_radius`` in cells. Of two
+    objects in one cell the nearer to the ego keeps it.
     """
     sample = np.repeat(np.arange(len(boxes)), [len(b) for b in boxes])
     center, wlh, yaw, velocity, label = (
@@ -47,10 +48,12 @@ def center_targets(
     center, wlh, yaw, velocity = center[chosen], wlh[chosen], yaw[chosen], velocity[chosen]
 
     rows, columns = grid.shape
-    radius = gaussian_radius(wlh[:, 1] / grid.cell, wlh[:, 0] / grid.cell, min_overlap).astype(np.int64)
-    heatmap = _render_heatmap(
-        (len(boxes), num_classes, rows, columns), sample, label, row, column, np.maximum(radius, min_radius)
-    )
+    radii = []
+    for axis, index in ((grid.y_axis, row), (grid.x_axis, column)):
+        size = np.asarray(axis.size(torch.from_numpy(index)))
+        radius = gaussian_radius(wlh[:, 1] / size, wlh[:, 0] / size, min_overlap).astype(np.int64)
+        radii.append(np.maximum(radius, min_radius))
+    heatmap = _render_heatmap((len(boxes), num_classes, rows, columns), sample, label, (row, column), radii)
     _, first = np.unique((sample * rows + row) * columns + column, return_index=True)
     cell = (sample[first], row[first], column[first])
     cell_center = grid.centers().numpy()[cell[1], cell[2]]
@@ -73,15 +76,17 @@ def center_targets(
     )
 
 
-def _render_heatmap(shape, sample, label, row, column, radius) -> NDArray[np.float32]:
-    """Heat maps (B, K, Y, X): the footprints of all Gaussians scattered at once, by maximum."""
+def _render_heatmap(shape, sample, label, cell, radii) -> NDArray[np.float32]:
+    """Heat maps (B, K, Y, X): the footprints of all Gaussians scattered at once, by maximum. ``cell`` and ``radii``: rows and
+    columns."""
     _, classes, rows, columns = shape
-    reach = np.arange(-radius.max(initial=0), radius.max(initial=0) + 1)
-    dy, dx = (axis.ravel() for axis in np.meshgrid(reach, reach, indexing="ij"))
-    sigma = (2 * radius[:, None] + 1) / 6
-    value = np.exp(-(dx**2 + dy**2) / (2 * sigma**2))
-    y, x = row[:, None] + dy, column[:, None] + dx
-    inside = (np.maximum(abs(dx), abs(dy)) <= radius[:, None]) & (y >= 0) & (y < rows) & (x >= 0) & (x < columns)
+    reach = [np.arange(-radius.max(initial=0), radius.max(initial=0) + 1) for radius in radii]
+    dy, dx = (axis.ravel() for axis in np.meshgrid(*reach, indexing="ij"))
+    (row, column), (tall, wide) = (tuple(value[:, None] for value in pair) for pair in (cell, radii))
+    sigma_y, sigma_x = (2 * tall + 1) / 6, (2 * wide + 1) / 6
+    value = np.exp(-(dx**2 + (dy * (sigma_x / sigma_y)) ** 2) / (2 * sigma_x**2))
+    y, x = row + dy, column + dx
+    inside = (abs(dy) <= tall) & (abs(dx) <= wide) & (y >= 0) & (y < rows) & (x >= 0) & (x < columns)
     cell = ((sample * classes + label)[:, None] * rows + y) * columns + x
     heatmap = np.zeros(shape, np.float32)
     np.maximum.at(heatmap.reshape(-1), cell[inside], value[inside].astype(np.float32))

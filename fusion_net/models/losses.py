@@ -8,6 +8,7 @@ import torch.nn.functional as F
 from beartype import beartype
 from torch import Tensor
 
+from fusion_net.common.bev_grid import BEVGrid
 from fusion_net.data.batch import Batch, Targets
 from fusion_net.models.blocks.depth_bins import DepthBins
 from fusion_net.models.blocks.heading import axis_of, is_forwards
@@ -54,7 +55,7 @@ def binary_loss(logits: Tensor, truth: Tensor) -> Tensor:
     return F.binary_cross_entropy_with_logits(logits, truth.to(logits), reduction="sum") / max(len(logits), 1)
 
 
-def center_nll(maps: dict[str, Tensor], targets: Targets, *, cell: float, radius: int) -> Tensor:
+def center_nll(maps: dict[str, Tensor], targets: Targets, *, grid: BEVGrid, radius: int) -> Tensor:
     """Gaussian negative log-likelihood of each object's centre under the centre and variance *as they are decoded*.
 
     At an object's own cell the error is under a cell whatever the sensors. What a tracker or a late fusion needs is the
@@ -64,13 +65,13 @@ def center_nll(maps: dict[str, Tensor], targets: Targets, *, cell: float, radius
     sample, row, column = targets.mask.nonzero(as_tuple=True)
     if not len(sample):
         return maps["log_variance"].sum() * 0.0
-    r, c, step, inside = _window(targets.mask, row, column, radius)
+    r, c, _, inside = _window(targets.mask, row, column, radius)
     label = targets.heatmap[sample, :, row, column].argmax(dim=1)
     heat = maps["heatmap"].detach()[sample[:, None], label[:, None], r, c]
     peak = heat.masked_fill(~inside, -torch.inf).argmax(dim=1)
     own = torch.arange(len(peak), device=peak.device)
     r, c = r[own, peak], c[own, peak]
-    center = maps["offset"][sample, :, r, c].detach() + step[peak] * cell
+    center = maps["offset"][sample, :, r, c].detach() + grid.between((row, column), (r, c))
     error = center - targets.offset[sample, :, row, column]
     log_variance = maps["log_variance"][sample, :, r, c].clamp(-8.0, 6.0)
     return (0.5 * (log_variance + error**2 * (-log_variance).exp())).sum(dim=1).mean()
@@ -109,7 +110,7 @@ class DetectionLoss:
         self,
         *,
         bins: DepthBins,
-        cell: float,
+        grid: BEVGrid,
         classes: list[str],
         depth_supervision: Literal["none", "lidar", "dense"],
         weights: dict[str, float | int],
@@ -118,7 +119,7 @@ class DetectionLoss:
         box_radius: int,
     ) -> None:
         check_weights(weights)
-        self.bins, self.cell, self.depth_supervision, self.weights = bins, cell, depth_supervision, weights
+        self.bins, self.grid, self.depth_supervision, self.weights = bins, grid, depth_supervision, weights
         self.object_weight, self.peak_radius, self.box_radius = object_weight, peak_radius, box_radius
         self.symmetric = [label for label, name in enumerate(classes) if name in SYMMETRIC]
 
@@ -144,6 +145,7 @@ class DetectionLoss:
         sample, row, column = targets.mask.nonzero(as_tuple=True)
         terms = {"heatmap": focal_loss(maps["heatmap"], targets.heatmap)}
         r, c, step, inside = _window(targets.mask, row, column, self.box_radius)
+        to_neighbour = self.grid.between((row[:, None], column[:, None]), (r, c))
         own = (step == 0).all(dim=1)
         inside = inside & (
             own | ~targets.mask[sample[:, None], r, c]
@@ -159,7 +161,7 @@ class DetectionLoss:
         for name in (name for name in REGRESSED if name in maps):
             target = axis_of(rot) if name == "axis" else getattr(targets, name)[sample, :, row, column]
             target = target[:, None].expand(-1, len(own), -1)
-            target = target - step * self.cell if name == "offset" else target
+            target = target - to_neighbour if name == "offset" else target
             values, target = around(name)[inside], target[inside]
             target = nearer_end(values, target, is_symmetric[inside]) if name == "rot" else target
             terms[name] = masked_l1(values, target)
@@ -167,7 +169,7 @@ class DetectionLoss:
             has_front = inside & ~is_symmetric
             forwards = is_forwards(rot)[:, None].expand(-1, len(own))
             terms["direction"] = binary_loss(around("direction")[..., 0][has_front], forwards[has_front])
-        terms["log_variance"] = center_nll(maps, targets, cell=self.cell, radius=self.peak_radius)
+        terms["log_variance"] = center_nll(maps, targets, grid=self.grid, radius=self.peak_radius)
         return self._weighted(terms)
 
     def view_terms(self, views: dict[str, tuple[Tensor, Tensor]], targets: Targets | None) -> dict[str, Tensor]:

@@ -126,7 +126,7 @@ def load_config(folder: Path) -> DictConfig:
         raise ValueError(f"{path} is damaged ({error}); train the run again") from error
     if not isinstance(loaded, DictConfig) or not loaded:
         raise ValueError(f"{path} holds no settings; train the run again")
-    return OmegaConf.create(_literal(OmegaConf.to_container(loaded, resolve=False)))
+    return OmegaConf.create(renewed(_literal(OmegaConf.to_container(loaded, resolve=False))))
 
 
 def _literal(value: Any) -> Any:
@@ -136,6 +136,18 @@ def _literal(value: Any) -> Any:
     if isinstance(value, list):
         return [_literal(each) for each in value]
     return re.sub(r"(\\*)\$\{", r"\1\1\\${", value) if isinstance(value, str) else value
+
+
+def renewed(settings: Any) -> Any:
+    """Settings of a run or of shipped weights as they are called now: losses were given the side of a cell, now the grid."""
+    if not isinstance(settings, dict):
+        return settings
+    settings = {key: renewed(value) for key, value in settings.items()}
+    losses = settings.get("losses")
+    if "grid" in settings and isinstance(losses, dict) and "cell" in losses:
+        losses["grid"] = settings["grid"]
+        del losses["cell"]
+    return settings
 
 
 def load_weights(model: torch.nn.Module, checkpoint: Path) -> None:

@@ -20,6 +20,7 @@ from fusion_net.runs.run_dir import (
     load_weights,
     model_weights,
     read_checkpoint,
+    renewed,
     surroundings,
 )
 
@@ -73,9 +74,8 @@ def shipped(name: str) -> Trained:
     """The detector of ``checkpoints/NAME.pt``, or of a file by its path; evaluations go below ``runs/checkpoints/NAME``."""
     path = shipped_path(name)
     held = read_weights(path)
-    return Trained(
-        Path("runs/checkpoints") / path.stem, path, OmegaConf.create(held["config"]), held["weights"], held["record"]
-    )
+    cfg = OmegaConf.create(renewed(held["config"]))
+    return Trained(Path("runs/checkpoints") / path.stem, path, cfg, held["weights"], held["record"])
 
 
 def shipped_path(name: str) -> Path:

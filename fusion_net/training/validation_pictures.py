@@ -72,10 +72,8 @@ class ValidationPictures:
         panel = BEVPanel(grid, scale=share / (grid.y_max - grid.y_min))
         images = []
         for name, values in panels.items():
-            height, across = panel.canvas().shape[:2]
-            levels = (255 * values.T[::-1, ::-1] / max(float(values.max()), 1e-6)).astype(np.uint8)
-            enlarged = cv2.resize(levels, (across, height), interpolation=cv2.INTER_NEAREST)
-            image = np.array(cv2.applyColorMap(enlarged, cv2.COLORMAP_BONE)[..., ::-1], np.uint8, order="C")
+            levels = panel.of_map((255 * values / max(float(values.max()), 1e-6)).astype(np.uint8))
+            image = np.array(cv2.applyColorMap(levels, cv2.COLORMAP_BONE)[..., ::-1], np.uint8, order="C")
             panel.boxes(image, labels, LABEL)
             panel.boxes(image, found, FOUND)
             images.append(_captioned(image, f"{name}: up to {values.max():.2g}"))

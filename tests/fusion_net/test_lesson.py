@@ -111,7 +111,7 @@ def test_point_drops_into_cell_94_124():
 
 def test_half_the_cell_or_twice_the_range_is_four_times_the_map():
     assert GRID.shape == (200, 200)
-    assert GRID.at(0.25).shape == BEVGrid(-100.0, 100.0, -100.0, 100.0, 0.5).shape == (400, 400)
+    assert GRID.refined(2).shape == BEVGrid(-100.0, 100.0, -100.0, 100.0, 0.5).shape == (400, 400)
 
 
 def test_depths_from_4_to_45_metres_in_bins_of_one_metre():

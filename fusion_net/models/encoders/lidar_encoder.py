@@ -36,8 +36,9 @@ class _SegmentMax(torch.autograd.Function):
 class LidarEncoder(nn.Module):
     """LiDAR branch: ``forward(batch)`` gives a map (B, channels, Y, X); an empty point cloud gives a constant map.
 
-    ``pillar`` is the pillar's side in metres: the grid's cell, a half or a quarter. ``extra_channels`` counts columns
-    that follow LIDAR_CHANNELS (painted class scores).
+    ``pillar`` is the pillar's side in metres: the grid's cell, a half or a quarter (where cells grow with the distance, those
+    at the car, and every cell is divided alike). ``extra_channels`` counts columns that follow LIDAR_CHANNELS (painted
+    class scores).
     """
 
     def __init__(self, *, grid: BEVGrid, channels: int, pillar: float, features: int, extra_channels: int = 0) -> None:
@@ -48,7 +49,7 @@ class LidarEncoder(nn.Module):
             raise ValueError(
                 f"lidar encoder: a pillar of {pillar} m does not halve into the {grid.cell} m cell; use {nearest}"
             )
-        self.channels, self.grid, self.pillars = channels, grid, grid.at(grid.cell / ratio)
+        self.channels, self.grid, self.pillars = channels, grid, grid.refined(ratio)
         self.point = nn.Linear(len(LIDAR_CHANNELS) + 5 + extra_channels, features)
         self.norm = nn.BatchNorm1d(features)
         steps = [ConvBlock(features, features, stride=2) for _ in range(ratio.bit_length() - 1)]
@@ -79,9 +80,11 @@ class LidarEncoder(nn.Module):
     def _decorate(self, points: Tensor, row: Tensor, column: Tensor, segment: Tensor, counts: Tensor) -> Tensor:
         """Point features (P, 10 + extra) of order one, with offsets from the pillar's mean and centre. ``counts``: points
         of each occupied pillar."""
-        grid, xyz = self.pillars, points[:, :3]
+        axes, xyz = (self.pillars.x_axis, self.pillars.y_axis), points[:, :3]
         mean = xyz.new_zeros(len(counts), 3).index_add_(0, segment, xyz) / counts[:, None]
-        center = torch.stack([grid.x_min + (column + 0.5) * grid.cell, grid.y_min + (row + 0.5) * grid.cell], dim=-1)
         scale = xyz.new_tensor([0.05, 0.05, 0.5])  # tens of metres across, metres up
-        from_center = (xyz[:, :2] - center) / grid.cell
-        return torch.cat([xyz * scale, points[:, 3:], xyz - mean.index_select(0, segment), from_center.to(xyz)], dim=1)
+        from_center = [
+            ((xyz[:, i] - axis.to_metres(index + 0.5)) / axis.size(index)).to(xyz)[:, None]
+            for i, (axis, index) in enumerate(zip(axes, (column, row), strict=True))
+        ]
+        return torch.cat([xyz * scale, points[:, 3:], xyz - mean.index_select(0, segment), *from_center], dim=1)

@@ -51,7 +51,7 @@ class LiftSplat(ViewTransform):
         origin, depth = ego_T_cam[:, :, None, None, None, :3, 3], self.bins.centers().to(cam_K)
         # Planes of one coordinate, changed in place: the calibration differs at every step, so this is on the clock.
         x, y, z = ((depth * rays[..., i, None]).add_(origin[..., i]) for i in range(3))
-        column, row = x.sub_(self.grid.x_min).div_(self.grid.cell), y.sub_(self.grid.y_min).div_(self.grid.cell)
+        column, row = self.grid.x_axis.to_cells(x), self.grid.y_axis.to_cells(y)
         band = [z >= edge for edge in self.height_edges]
         share = None
         if self.bilinear:

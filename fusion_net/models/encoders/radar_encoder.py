@@ -25,8 +25,8 @@ def rasterize(points: Tensor, sample: Tensor, size: int, grid: BEVGrid) -> Tenso
     cell = (sample * rows + row) * columns + column
     x, y, _, rcs, vx, vy, age = (points[:, i] for i in range(len(RADAR_CHANNELS)))
     speed = torch.hypot(vx, vy)
-    dx = (x - grid.x_min) / grid.cell - column - 0.5
-    dy = (y - grid.y_min) / grid.cell - row - 0.5
+    dx = grid.x_axis.to_cells(x) - column - 0.5
+    dy = grid.y_axis.to_cells(y) - row - 0.5
     averaged = torch.stack([torch.ones_like(x), rcs / 10, vx / 10, vy / 10, speed / 10, age * 10, dx, dy], dim=1)
     cells = size * rows * columns
     sums = points.new_zeros(cells, averaged.shape[1]).index_add_(0, cell, averaged)

@@ -10,7 +10,7 @@ GRID = BEVGrid(x_min=-4.0, x_max=20.0, y_min=-9.0, y_max=3.0, cell=0.5)
 
 def test_shape_is_rows_then_columns():
     assert GRID.shape == (24, 48)
-    assert GRID.at(1.0).shape == (12, 24)
+    assert GRID.refined(2).shape == (48, 96)
 
 
 def test_just_below_the_lower_bound_is_outside_not_cell_zero():

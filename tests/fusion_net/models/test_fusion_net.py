@@ -161,6 +161,7 @@ def test_auxiliary_heads_judge_each_present_sensor_alone_and_only_in_training():
     [
         ("fine", (112, 128)),
         ("coarse", (28, 32)),
+        ("graded", (56, 64)),
         ("lesson", (200, 200)),
         ("lesson_fine", (400, 400)),
         ("lesson_front", (88, 100)),

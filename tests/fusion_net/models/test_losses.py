@@ -22,7 +22,7 @@ def detection_loss(**changes) -> DetectionLoss:
     settings = {"depth_supervision": "dense", "object_weight": 4.0, "peak_radius": 3, "box_radius": 1}
     settings["classes"] = ["car", "barrier"]
     weights = dict.fromkeys(WEIGHTS, 0.5)
-    return DetectionLoss(**{"bins": BINS, "cell": GRID.cell, "weights": weights} | settings | changes)
+    return DetectionLoss(**{"bins": BINS, "grid": GRID, "weights": weights} | settings | changes)
 
 
 def test_focal_loss_by_hand():
@@ -62,7 +62,7 @@ def _single(error_x: float, log_variance: float) -> tuple[dict[str, torch.Tensor
 
 
 def test_the_best_variance_is_the_squared_error():
-    nll = [center_nll(*_single(0.5, v), cell=1.0, radius=2)[None] for v in (-2.2, -1.386, -0.6)]
+    nll = [center_nll(*_single(0.5, v), grid=GRID, radius=2)[None] for v in (-2.2, -1.386, -0.6)]
     y_term = [
         torch.tensor(v).neg().div(2) for v in (-2.2, -1.386, -0.6)
     ]  # the exact y prefers small variances; take it out
@@ -73,11 +73,11 @@ def test_the_best_variance_is_the_squared_error():
 def test_variance_is_that_of_the_decoded_peak():
     """The strongest cell is two columns beside the object's: the error is two metres, not the offset at the true cell."""
     maps, targets = _single(0.0, 0.0)
-    near = center_nll(maps, targets, cell=1.0, radius=2)
+    near = center_nll(maps, targets, grid=GRID, radius=2)
     maps["heatmap"][0, 1, 4, 11] = 5.0
-    assert center_nll(maps, targets, cell=1.0, radius=2) - near == pytest.approx(0.5 * 2.0**2)
+    assert center_nll(maps, targets, grid=GRID, radius=2) - near == pytest.approx(0.5 * 2.0**2)
     maps["heatmap"][0, 0, 4, 10] = 9.0  # another class does not matter
-    assert center_nll(maps, targets, cell=1.0, radius=2) - near == pytest.approx(0.5 * 2.0**2)
+    assert center_nll(maps, targets, grid=GRID, radius=2) - near == pytest.approx(0.5 * 2.0**2)
 
 
 def test_the_box_is_learned_around_the_centre_as_seen_from_each_cell():

@@ -38,6 +38,15 @@ def test_a_run_that_exists_is_not_overwritten(tmp_path):
         open_run(folder, CONFIG, resume=False, overwrite=False)
 
 
+def test_settings_from_before_the_losses_knew_the_grid_are_read_as_those_of_now(tmp_path):
+    grid = {"x_min": 0.0, "cell": 0.8}
+    part = {"grid": grid, "losses": {"cell": 0.8, "peak_radius": 3}}
+    (tmp_path / "config.yaml").write_text(OmegaConf.to_yaml({"model": part | {"detectors": {"lidar": part}}}))
+    model = load_config(tmp_path).model
+    for losses in (model.losses, model.detectors.lidar.losses):
+        assert losses == {"peak_radius": 3, "grid": grid}
+
+
 def test_a_file_in_the_place_of_the_folder_is_named(tmp_path):
     (tmp_path / "a").write_text("notes")
     with pytest.raises(ValueError, match="is a file"):

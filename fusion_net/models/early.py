@@ -26,6 +26,7 @@ def early_fusion(
     head: CenterHead,
     losses: DetectionLoss,
     velocity: Literal["direct", "radar_residual"],
+    doppler_speed: bool = True,
 ) -> FusionNet:
     """A ``FusionNet`` in which the camera has no map of its own: it paints the LiDAR's points, and LiDAR and radar are fused.
 
@@ -52,4 +53,5 @@ def early_fusion(
         head=head,
         losses=losses,
         velocity=velocity,
+        doppler_speed=doppler_speed,
     )

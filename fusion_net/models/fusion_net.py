@@ -11,11 +11,12 @@ from fusion_net.common.bev_grid import BEVGrid
 from fusion_net.common.boxes import Boxes
 from fusion_net.common.nuscenes_format import MODALITIES
 from fusion_net.data.batch import Batch
+from fusion_net.models.blocks.doppler import with_doppler_speed
 from fusion_net.models.blocks.layers import PRIOR_LOGIT
 from fusion_net.models.blocks.outputs import Encoded, Outputs
 from fusion_net.models.center_head import CenterHead
 from fusion_net.models.encoders.image_network import ImageNetwork
-from fusion_net.models.encoders.radar_encoder import radial_velocity
+from fusion_net.models.encoders.radar_encoder import radar_detections, radial_velocity
 from fusion_net.models.fuser import Fuser
 from fusion_net.models.losses import DetectionLoss
 
@@ -26,7 +27,8 @@ class FusionNet(nn.Module):
     that these may read, None for ``modalities``; more where one sensor's encoder reads another's data (early fusion).
 
     All BEV maps between the parts have ``bev_channels`` channels. ``velocity``: what the head regresses, the velocity or
-    what is to be added to the radar's radial one, where there is radar. Where the losses weigh ``aux_heatmap``, each
+    what is to be added to the radar's radial one, where there is radar. ``doppler_speed``: boxes with radar detections on them
+    move along their axis as fast as those say, whatever the head says. Where the losses weigh ``aux_heatmap``, each
     encoder's own map gets a heat map head for training.
     """
 
@@ -44,6 +46,7 @@ class FusionNet(nn.Module):
         head: CenterHead,
         losses: DetectionLoss,
         velocity: Literal["direct", "radar_residual"],
+        doppler_speed: bool = True,  # runs of before this switch gain by it, too
         inputs: list[str] | None = None,
     ) -> None:
         super().__init__()
@@ -58,6 +61,7 @@ class FusionNet(nn.Module):
         self.encoders = nn.ModuleDict({name: encoders[name] for name in MODALITIES if name in modalities})
         self.fuser, self.decoder, self.head, self.losses = fuser, decoder, head, losses
         self.adds_radar_velocity = velocity == "radar_residual" and "radar" in modalities
+        self.doppler_speed = doppler_speed and "radar" in modalities
         self.views = nn.ModuleDict()
         for name in self.encoders if losses.weights["aux_heatmap"] > 0 else ():
             self.views[name] = nn.Conv2d(bev_channels, head.num_classes, 1)
@@ -83,7 +87,9 @@ class FusionNet(nn.Module):
         if self.adds_radar_velocity:
             maps["velocity"] = maps["velocity"] + radial_velocity(batch, self.grid)
         image = next((x.image for x in encoded.values() if x.image is not None), None)
-        return Outputs(maps, image, self._views(encoded, present) if self.training else {})
+        if self.training:
+            return Outputs(maps, image, self._views(encoded, present))
+        return Outputs(maps, image, detections=radar_detections(batch) if self.doppler_speed else ())
 
     def _views(self, encoded: dict[str, Encoded], present: Tensor) -> dict[str, tuple[Tensor, Tensor]]:
         """What each sensor that any sample has says alone."""
@@ -120,4 +126,7 @@ class FusionNet(nn.Module):
 
     def decode(self, outputs: Outputs) -> list[Boxes]:
         """Boxes of each sample in the ego frame, best first."""
-        return self.head.decode(outputs.maps)
+        found = self.head.decode(outputs.maps)
+        if not outputs.detections:
+            return found
+        return [with_doppler_speed(boxes, seen) for boxes, seen in zip(found, outputs.detections, strict=True)]

@@ -5,6 +5,8 @@ Axes: B batch, N cameras, h/w image features, C channels, D depth bins, K classe
 
 from dataclasses import dataclass, field
 
+import numpy as np
+from numpy.typing import NDArray
 from torch import Tensor
 
 
@@ -31,9 +33,11 @@ class Outputs:
     """Maps of the head (see ``center_head.regressions``), and the image predictions if the camera took part.
 
     ``views``: in training, where there are auxiliary heads, what each encoder's own map says alone: heat map logits
-    (B, K, Y, X), and the samples (B,) in which the sensor is present.
+    (B, K, Y, X), and the samples (B,) in which the sensor is present. ``detections``: in evaluation, where boxes take their
+    speed from them, each sample's radar detections (R_b, 7).
     """
 
     maps: dict[str, Tensor]
     image: ImagePredictions | None = None
     views: dict[str, tuple[Tensor, Tensor]] = field(default_factory=dict)
+    detections: tuple[NDArray[np.float32], ...] = ()

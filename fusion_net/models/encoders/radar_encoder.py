@@ -1,8 +1,10 @@
 """Radar detections to a bird's-eye view: named channels per cell, then convolutions."""
 
+import numpy as np
 import torch
 import torch.nn.functional as F
 from beartype import beartype
+from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from fusion_net.common.bev_grid import BEVGrid
@@ -55,6 +57,13 @@ def radial_velocity(batch: Batch, grid: BEVGrid) -> Tensor:
     for _ in range(2):
         raster = F.avg_pool2d(raster, 3, stride=1, padding=1)
     return torch.where(raster[:, 2:] > 0, raster[:, :2] / raster[:, 2:], 0.0)
+
+
+def radar_detections(batch: Batch) -> tuple[NDArray[np.float32], ...]:
+    """The detections (R_b, RADAR_CHANNELS) of each sample; none of a sample whose radar is absent."""
+    present = batch.present[:, MODALITIES.index("radar")].tolist()
+    points, sample = batch.radar_points.float().cpu().numpy(), batch.radar_batch.cpu().numpy()
+    return tuple(points[(sample == b) & present[b]] for b in range(batch.size))
 
 
 @beartype

@@ -50,6 +50,7 @@ def one_sensor(
     head: Callable[..., CenterHead],
     losses: DetectionLoss,
     velocity: Literal["direct", "radar_residual"],
+    doppler_speed: bool = True,
 ) -> FusionNet:
     """The detector of one sensor: its encoder, and fuser (of one map), decoder and head of its own."""
     return FusionNet(
@@ -62,6 +63,7 @@ def one_sensor(
         head=head(),
         losses=losses,
         velocity=velocity,
+        doppler_speed=doppler_speed,
     )
 
 

@@ -51,9 +51,7 @@ def ground(scene: Scene) -> Ground | None:
     share = small[..., None] / 255
     z = float(np.median(places[:, 2])) - BELOW
     corners = np.array([(left, bottom), (right, bottom), (right, top), (left, top)]) * PIXEL
-    return Ground(
-        (share * ROAD + (1 - share) * ELSE).astype(np.uint8), np.column_stack([corners, np.full(4, z)])
-    )
+    return Ground((share * ROAD + (1 - share) * ELSE).astype(np.uint8), np.column_stack([corners, np.full(4, z)]))
 
 
 def _mask_file(scene: Scene):

@@ -19,7 +19,7 @@ from fusion_net.common.nuscenes_format import CLASSES
 from fusion_net.nuscenes.sensor_files import read_lidar, read_radar
 from fusion_net.viz.rerun_log.ground import ground
 from fusion_net.viz.rerun_log.readings import Array, Reading, Scene, Stamps, held
-from fusion_net.viz.rerun_log.shapes import RADAR, arrows_of, boxes_3d, lidar_colors
+from fusion_net.viz.rerun_log.shapes import RADAR, arrows_of, boxes_3d, lidar_colors, values
 from fusion_net.viz.rerun_log.status import changes, description
 
 TIME, KEYFRAME = "time", "keyframe"
@@ -64,7 +64,7 @@ class Recorder:
                 self._at_keyframe(number)
                 names = [f"{CLASSES[k]} {score:.2f}" for k, score in zip(boxes.label, boxes.score, strict=True)]
                 shape = boxes_3d(boxes, names, fill_mode=rr.components.FillMode.TransparentFillMajorWireframe)
-                self._log(*here, subset, what=[shape, rr.AnyValues(score=boxes.score)])
+                self._log(*here, subset, what=[shape, values(score=boxes.score)])
                 self._log(*here, subset, "velocity", what=arrows_of(boxes))
                 self._log("series", "boxes", subset, what=rr.Scalars(len(boxes)))
 
@@ -143,7 +143,7 @@ class Recorder:
             labels = self.scene.nusc.annotations(token, CLASSES)
             own = [numbers.setdefault(instance, len(numbers)) for instance in labels.instance.tolist()]
             names = [f"{CLASSES[k]} {number}" for k, number in zip(labels.boxes.label, own, strict=True)]
-            more = rr.AnyValues(
+            more = values(
                 instance=labels.instance,
                 attribute=labels.attribute,
                 visibility=labels.visibility,
@@ -155,7 +155,9 @@ class Recorder:
             self._log("world", "labels", "velocity", what=arrows_of(labels.boxes))
             self._log("series", "boxes", "labels", what=rr.Scalars(len(labels)))
 
-    def _send_held(self, entity: Sequence[str], stamps: Stamps, places: Array, of_keyframes: Mapping[int, Array]) -> None:
+    def _send_held(
+        self, entity: Sequence[str], stamps: Stamps, places: Array, of_keyframes: Mapping[int, Array]
+    ) -> None:
         """Poses in the ego frame of what was at ``places`` (N, 4, 4) of the global frame at its own times (N,), and at those of
         keyframes."""
         numbers = list(of_keyframes)
@@ -164,7 +166,9 @@ class Recorder:
         times, poses = held(*self.scene.path, stamps, places)
         self._send_poses(entity, times, poses, dict(zip(numbers, at_keyframes, strict=True)))
 
-    def _send_poses(self, entity: Sequence[str], stamps: Stamps, poses: Array, of_keyframes: Mapping[int, Array]) -> None:
+    def _send_poses(
+        self, entity: Sequence[str], stamps: Stamps, poses: Array, of_keyframes: Mapping[int, Array]
+    ) -> None:
         """``parent_T_entity`` at times (T,), and at keyframes."""
         timed = rr.TimeColumn(TIME, duration=(stamps - self._start).astype("timedelta64[us]"))
         numbered = rr.TimeColumn(KEYFRAME, sequence=list(of_keyframes))

@@ -14,7 +14,7 @@ APPLICATION = "bev_fusion_lab"
 
 
 def write_recording(path: Path, scene: Scene, found: Mapping[str, Sequence[Boxes]], *, color: str) -> None:
-    """Writes a scene to ``path``. ``found``: boxes of each keyframe by subset, as :meth:`Recorder.log_detections` takes them."""
+    """Writes a scene to ``path``. ``found``: what :meth:`Recorder.log_detections` takes, or nothing."""
     part = path.with_name(f"{path.name}.part")
     recording = rr.RecordingStream(APPLICATION)
     try:

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
 import rerun as rr
 from numpy.typing import NDArray
 
@@ -27,6 +28,11 @@ def boxes_3d(boxes: Boxes, names: Sequence[str], **look: Any) -> rr.Boxes3D:
         class_ids=boxes.label,
         **look,
     )
+
+
+def values(**columns: NDArray) -> rr.AnyValues:
+    """What else is known of the boxes of an entity, a value (N,) each; of none Rerun could not tell the type by itself."""
+    return rr.AnyValues(**{name: pa.array(column) for name, column in columns.items()})
 
 
 def arrows_of(boxes: Boxes) -> rr.Arrows3D:

@@ -69,9 +69,7 @@ def test_at_a_keyframe_frames_are_those_of_the_reader(scene):
     reading = scene.of("CAM_FRONT")[1]
     ego_T_cam = invert(scene.keyframe_poses[1]) @ reading.global_T_sensor
     reference = ego_pose(1.5)
-    np.testing.assert_allclose(
-        ego_T_cam, invert(reference) @ ego_pose(1.48) @ MOUNTS["CAM_FRONT"], atol=1e-6
-    )
+    np.testing.assert_allclose(ego_T_cam, invert(reference) @ ego_pose(1.48) @ MOUNTS["CAM_FRONT"], atol=1e-6)
 
 
 def test_a_sensor_that_dies_is_named_at_the_keyframe_and_again_when_it_is_back(tmp_path):

@@ -28,6 +28,7 @@ from rerun.chunk import RrdReader  # noqa: E402
 from fusion_net.viz.rerun_log.recording import write_recording  # noqa: E402
 from fusion_net.viz.rerun_log.shapes import lidar_colors  # noqa: E402
 
+pytestmark = pytest.mark.slow  # they take seconds, but .ci/run has the extra only when it comes to the slow ones
 FIRST = START + 860_000
 """us of the first reading: RADAR_FRONT_LEFT, two sweeps before the first keyframe."""
 STANDING = {"category": "vehicle.car", "center": lambda t: LANDMARKS[0], "size": [2.0, 4.0, 2.0], "yaw": lambda t: 0.7}

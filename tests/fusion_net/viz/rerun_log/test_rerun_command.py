@@ -1,12 +1,18 @@
 """What the command refuses, and which scene and sensors it takes."""
 
+from types import SimpleNamespace
+
+import numpy as np
 import pytest
 from omegaconf import OmegaConf
 
 from fusion_net.common.cli.composed import composed
+from fusion_net.common.nuscenes_format import CLASSES
+from fusion_net.data.datamodule import NuScenesDataset
 from fusion_net.nuscenes.datasets import open_datasets, samples_of_split
 from fusion_net.viz.rerun_log import __main__ as rerun_log
-from fusion_net.viz.rerun_log.__main__ import choose, output, record, subsets_of
+from fusion_net.viz.rerun_log.__main__ import choose, detect, output, record, subsets_of
+from tests.fixtures import small_model
 from tests.fixtures.tiny_tree import write_tree
 
 
@@ -62,3 +68,40 @@ def test_the_colouring_is_one_that_there_is(monkeypatch):
     assert OmegaConf.is_missing(cfg, "run")
     with pytest.raises(ValueError, match="did you mean 'height'"):
         record(cfg)
+
+
+def test_detections_are_those_of_the_sensors_that_are_given_and_have_the_numbers_of_all_classes(samples):
+    dataset = NuScenesDataset(
+        str(samples[0][0].root), "all", grid=small_model.GRID, classes=["pedestrian", "car"], datasets=[samples[0][0]]
+    )
+    model = small_model.small_model().eval()
+    trained = SimpleNamespace(model=lambda: model, cfg=OmegaConf.create({"trainer": {"precision": "float32"}}))
+    scene = choose(samples, "scene-0001")
+    found = detect(trained, dataset, scene, subsets_of(["C+L+R", "L"], list(model.encoders)), min_score=0.0)
+    assert {name: len(boxes) for name, boxes in found.items()} == {"C+L+R": 2, "L": 2}
+    labels = {CLASSES[k] for boxes in found["C+L+R"] for k in boxes.label}
+    assert labels <= {"pedestrian", "car"}
+    assert labels
+    assert found["C+L+R"][0].score.tolist() != found["L"][0].score.tolist()
+    none = detect(trained, dataset, scene, subsets_of(None, ["lidar"]), min_score=1.0)
+    assert [len(boxes) for boxes in none["L"]] == [0, 0]
+
+
+@pytest.mark.slow  # as the extra is installed for those
+def test_the_command_records_a_scene_without_a_detector(samples, tmp_path, capsys):
+    pytest.importorskip("rerun", reason="the extra is not installed: python -m pip install -e '.[rerun]'")
+    nusc, token = samples[-1]
+    sweep = nusc.path(nusc.keyframes[token]["LIDAR_TOP"])
+    sweep.write_bytes(b"")  # the LiDAR is dead at the last keyframe, and nothing is labelled at all
+    np.save(sweep.with_name(sweep.name.replace(".pcd.bin", ".time.npy")), np.zeros(0, np.float32))
+    settings = [f"data.root={nusc.root}", "scene=2", f"out={tmp_path}/new/a.rrd"]
+    path = record(composed("rerun_log", *settings, "sweeps=false"))
+    printed = capsys.readouterr().out
+    assert "scene-0002, 2 keyframes, 10 readings" in printed
+    assert printed.strip().endswith(f"open it with: rerun {path}")
+    size = path.stat().st_size
+    with pytest.raises(ValueError, match="overwrite=true"):
+        record(composed("rerun_log", *settings))
+    record(composed("rerun_log", *settings, "overwrite=true"))
+    assert path.stat().st_size > size  # with all sweeps
+    assert [file.name for file in path.parent.iterdir()] == ["a.rrd"]

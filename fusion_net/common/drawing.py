@@ -21,6 +21,11 @@ Color = tuple[int, int, int]
 
 EDGES = np.array([(0, 1), (1, 3), (3, 2), (2, 0), (4, 5), (5, 7), (7, 6), (6, 4), (0, 4), (1, 5), (2, 6), (3, 7)])
 """Pairs of ``box_corners``; the first four are the front face."""
+CLASS_COLORS: tuple[Color, ...] = (
+    (255, 196, 0), (255, 110, 40), (230, 60, 120), (190, 90, 255), (255, 150, 150),
+    (60, 220, 120), (0, 200, 230), (90, 140, 255), (255, 80, 0), (170, 230, 60),
+)  # fmt: skip
+"""Of the detection classes, in their order."""
 NEAR = 0.3
 """Metres before the camera at which edges are cut."""
 _SHIFT = 4  # cv2 draws at 1/16 pixel

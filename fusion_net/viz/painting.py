@@ -18,7 +18,7 @@ from omegaconf import DictConfig
 from fusion_net.common.bev_grid import BEVGrid
 from fusion_net.common.boxes import Boxes, points_in_box
 from fusion_net.common.cli.command import command
-from fusion_net.common.drawing import BEVPanel, Image, boxes_on_image, dots, picture_file
+from fusion_net.common.drawing import CLASS_COLORS, BEVPanel, Image, boxes_on_image, dots, picture_file
 from fusion_net.common.geometry import invert, project, transform
 from fusion_net.common.nuscenes_format import CLASSES, REFERENCE
 from fusion_net.data.samples import Sample, SampleReader
@@ -29,11 +29,7 @@ from fusion_net.viz.calibration import turned
 WIDTH, BOX = 960, (255, 255, 255)
 BACKGROUND, UNSEEN = len(CLASSES), len(CLASSES) + 1
 """What a point may be painted with beside the classes."""
-COLORS = np.array([
-    (255, 196, 0), (255, 110, 40), (230, 60, 120), (190, 90, 255), (255, 150, 150),
-    (60, 220, 120), (0, 200, 230), (90, 140, 255), (255, 80, 0), (170, 230, 60),
-    (95, 95, 105), (45, 45, 60),
-], np.uint8)  # fmt: skip
+COLORS = np.array([*CLASS_COLORS, (95, 95, 105), (45, 45, 60)], np.uint8)
 """Of the classes, the background, and points that no camera sees."""
 STEEPEST = 45.0
 """Degrees of error_deg, at most."""

@@ -37,6 +37,7 @@ COMMANDS = {
     "lidar_check": "python -m fusion_net.viz.lidar_check",
     "animation": "python -m fusion_net.viz.animation",
     "painting": "python -m fusion_net.viz.painting",
+    "rerun_log": "python -m fusion_net.viz.rerun_log",
     "lab": "python -m fusion_lab",
 }
 """The command of each file in ``configs/``."""

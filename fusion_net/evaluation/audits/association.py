@@ -129,12 +129,12 @@ def judge_gate(numbers: Mapping[str, Any], gate: float | None) -> tuple[str, boo
         texts.append(f"{name} {shares}{f' at {used:g} {unit}' if gate is None else ''}{best}")
         at_least = pair["loss_ci95"][place][0] if "loss_ci95" in pair else loss
         if loss > WORST_LOSS and at_least > 0:
-            faults.append(f"{name}: best at {pair['best']:g} {unit}")
+            faults.append(f"too {'wide' if used > pair['best'] else 'narrow'} for {name}")
         elif gain[place] < 0.5:
-            faults.append(f"{name}: no gate does")
+            faults.append(f"less than a half for {name}")
         faults += _offset_fault(name, pair.get("offset"))
     start = "" if gate is None else f"at a gate of {gate:g} {unit} "
-    return start + "; ".join(texts) + (f" ({'; '.join(faults)})" if faults else ""), not faults
+    return start + "; ".join([*texts, *faults]), not faults
 
 
 def _offset_fault(name: str, offset: Mapping[str, Any] | None) -> list[str]:

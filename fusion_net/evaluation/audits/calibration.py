@@ -91,7 +91,7 @@ def _figures(alignment: Alignment, usual: Mapping[str, Any] | None) -> dict[str,
 
 
 def _judged(pair: Mapping[str, Any]) -> list[tuple[float, float, float]]:
-    """Turn, shift to the left and, between sensors that measure distances, shift ahead; each with its error and what is no fault."""
+    """Turn, shift to the left and, of sensors that measure distances, shift ahead: each with its error and what is no fault."""
     values = [(pair["turn_deg"], pair["turn_error"], LARGEST_TURN)]
     axes = (1,) if "camera" in pair["sensors"] else (1, 0)
     return values + [(pair["shift"][axis], pair["shift_error"][axis], LARGEST_SHIFT) for axis in axes]

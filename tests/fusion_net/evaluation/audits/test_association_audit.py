@@ -73,12 +73,15 @@ def test_without_a_gate_the_best_one_is_judged(street):
     assert pair["loss_ci95"][place] == [0, 0]
 
 
-@pytest.mark.parametrize(("gate", "kind"), [(8.0, "wrong"), (0.25, "split")])
-def test_a_gate_that_is_far_off_is_wrong_and_the_best_one_is_named(street, gate, kind):
+@pytest.mark.parametrize(
+    ("gate", "kind", "words"), [(8.0, "wrong", "too wide for C+L"), (0.25, "split", "too narrow for C+L")]
+)
+def test_a_gate_that_is_far_off_is_wrong_and_the_best_one_is_named(street, gate, kind, words):
     audit = audit_association(street, by_distance(gate), COPIES)
     assert not audit.ok
     (pair,) = audit.numbers["pairs"]
-    assert f"best at {pair['best']:g} m" in audit.verdict
+    assert f"(best: {pair['best']:g} m, " in audit.verdict
+    assert audit.verdict.endswith(words)
     place = audit.numbers["gates"].index(gate)
     assert pair[kind][place] > 10 * max(1, pair[kind][audit.numbers["gates"].index(pair["best"])])
 

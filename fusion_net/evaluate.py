@@ -84,6 +84,8 @@ def evaluate_run(cfg: DictConfig) -> None:
     trained, changes = adapted(_trained(cfg), cfg.late)
     dataset = open_samples(trained, split=cfg.split, root=cfg.data.root, version=cfg.data.version, fault=cfg.fault)
     model = trained.model()
+    if cfg.audit_gate is not None and isinstance(model, LateFusion):
+        raise ValueError(f"audit_gate={cfg.audit_gate}: late fusion is judged by its own gate; write late.gate=0.99")
     changed = [f"{cfg.fault.name}_{cfg.fault.severity}"] if dataset.reader.faults else []
     if cfg.depth_source:
         lift_by(model, cfg.depth_source)
@@ -190,7 +192,7 @@ def _check(cfg: DictConfig) -> None:
     for name in ("batch_size", "bootstrap"):
         if cfg[name] < 1:
             raise ValueError(f"{name}={cfg[name]} must be at least 1")
-    if not 0 < cfg.audit_gate < math.inf:
+    if cfg.audit_gate is not None and not 0 < cfg.audit_gate < math.inf:
         raise ValueError(f"audit_gate={cfg.audit_gate} must be a finite number of metres above 0; try audit_gate=2")
     if cfg.ship and not cfg.ship.endswith(".pt"):
         raise ValueError(f"ship={cfg.ship} is no file of weights; end it with .pt")

@@ -1,6 +1,6 @@
 """One picture per audit, drawn from its numbers alone."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,7 @@ SUBSET_COLORS = (
     STYLES["radar"].color,
 )
 """Of the seven subsets, in the order of the drop table."""
+KIND_COLORS = {"right": "#4d9078", "wrong": "#b23a48", "split": "#c7a252"}
 
 
 def draw(audit: Audit, path: Path) -> bool:
@@ -143,24 +144,38 @@ def _conditions(figure: Figure, numbers: Numbers) -> None:
 
 
 def _association(figure: Figure, numbers: Numbers) -> None:
-    """Right pairs, wrong merges and splits over gates, as shares of the objects that both sensors have."""
-    for axes, pair in zip(
-        np.atleast_1d(figure.subplots(1, max(1, len(numbers["pairs"])))), numbers["pairs"], strict=False
-    ):
+    """Right pairs, wrong merges and splits over gates, as shares of the objects that both sensors have; below, from above, the
+    sample of each pair of sensors in which most went wrong."""
+    figure.set_size_inches(10.5, 7.6)
+    pairs, gates = numbers["pairs"], numbers["gates"]
+    rows = figure.subplots(2, max(1, len(pairs)), squeeze=False, height_ratios=(1, 1.3))
+    for axes, ground, pair in zip(*rows, pairs, strict=False):
         shared = max(pair["shared"], 1)
-        for name, color in (("right", "#4d9078"), ("wrong", "#b23a48"), ("split", "#c7a252")):
-            axes.plot(numbers["gates"], 100 * np.array(pair[name]) / shared, ".-", color=color, label=name)
-        axes.axvline(numbers["gate"], color="#333333", linewidth=1, linestyle=":")
-        axes.set_xscale("log")
-        axes.set_xticks(numbers["gates"], [f"{gate:g}" for gate in numbers["gates"]], fontsize=7)
-        axes.minorticks_off()
+        for kind, color in KIND_COLORS.items():
+            axes.plot(100 * np.array(pair[kind]) / shared, ".-", color=color, label=kind)
+        used = pair["best"] if numbers["gate"] is None else numbers["gate"]
+        axes.axvline(gates.index(float(used)), color="#333333", linewidth=1, linestyle=":")
+        axes.set_xticks(range(len(gates)), [f"{gate:g}" for gate in gates], fontsize=7, rotation=60)
         axes.legend(frameon=False, fontsize=8)
-        _named(
-            axes,
-            f"{name_of(pair['sensors'])}: {pair['shared']} shared objects",
-            f"gate, {numbers['unit']}",
-            "% of them",
-        )
+        title = f"{name_of(pair['sensors'])}: {pair['shared']} shared objects; dotted: judged"
+        _named(axes, title, f"gate, {numbers['unit']}", "% of them")
+        if pair["example"]:
+            _draw_matches(ground, pair["example"], pair["sensors"])
+
+
+def _draw_matches(axes: Axes, example: Numbers, sensors: Sequence[str]) -> None:
+    """Both sensors' detections of one sample from above, x up and y to the left, and lines between what is or should be one."""
+    for name, sensor, marker in zip(("first", "second"), sensors, "ox", strict=True):
+        x, y = np.array(example[name]).reshape(-1, 2).T
+        axes.plot(y, x, marker, color=STYLES[sensor].color, markersize=5, fillstyle="none", label=STYLES[sensor].label)
+    for kind, color in KIND_COLORS.items():
+        for x0, y0, x1, y1 in example[kind]:
+            axes.plot([y0, y1], [x0, x1], color=color, linewidth=1.5)
+    axes.invert_xaxis()
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.legend(frameon=False, fontsize=8, loc="upper left")
+    counts = ", ".join(f"{len(example[kind])} {kind}" for kind in KIND_COLORS)
+    _named(axes, f"where most went wrong: {counts}", "to the left, m", "ahead, m")
 
 
 def _bars(axes: Axes, names: list[str], rows: list[dict[str, Any]], colors) -> None:

@@ -17,19 +17,25 @@ from fusion_net.common.checks import check_names
 from fusion_net.common.nuscenes_format import MODALITIES
 from fusion_net.data.datamodule import NuScenesDataset
 from fusion_net.evaluation.audits.ablation import audit_ablation
-from fusion_net.evaluation.audits.association import audit_association
-from fusion_net.evaluation.audits.calibration import audit_calibration
+from fusion_net.evaluation.audits.association import audit_association, by_distance, by_probability
+from fusion_net.evaluation.audits.calibration import Views, audit_calibration
 from fusion_net.evaluation.audits.conditions import audit_conditions
 from fusion_net.evaluation.audits.depth import audit_depth, read_depths
+from fusion_net.evaluation.audits.heat import heat_of_pairs
 from fusion_net.evaluation.audits.influence import influence
 from fusion_net.evaluation.audits.result import Audit
 from fusion_net.evaluation.bootstrap import resample_scenes
 from fusion_net.evaluation.decoys import best_f1_score
 from fusion_net.evaluation.drop_table import RESAMPLING_SEED, SUBSETS, DropTable
+from fusion_net.evaluation.late_calibration import gather
 from fusion_net.evaluation.scoring import GroundTruth
 from fusion_net.evaluation.strata import condition_of
 from fusion_net.models.encoders.camera_encoder import CameraEncoder
+from fusion_net.models.encoders.image_network import ImageNetwork
 from fusion_net.models.fusion_net import FusionNet
+from fusion_net.models.late.estimates import Estimates
+from fusion_net.models.late.late_fusion import LateFusion
+from fusion_net.models.late.sensor_calibration import SensorCalibration
 from fusion_net.reports.audits.pages import FOLDER, OVERLAY, write_audit, write_page
 from fusion_net.viz.overlay import measure_overlay, overlay_picture
 
@@ -49,7 +55,8 @@ def chosen_audits(audits: str | Sequence[str]) -> tuple[str, ...]:
 
 class Auditor:
     """What the audits of one evaluation share. ``folder``: where the evaluation is written. ``gate``: metres within which the
-    association audit takes two boxes for one object. ``sound``: the folder of the same evaluation without faults, if this one
+    association audit takes two boxes for one object, None: what fits each pair of sensors best; late fusion has its own.
+    ``sound``: the folder of the same evaluation without faults, if this one
     has any."""
 
     def __init__(
@@ -60,7 +67,7 @@ class Auditor:
         truth: GroundTruth,
         table: DropTable,
         *,
-        gate: float,
+        gate: float | None,
         resamples: int,
         sound: Path | None,
     ) -> None:
@@ -93,8 +100,7 @@ class Auditor:
             (self.folder / FOLDER).mkdir(parents=True, exist_ok=True)
             picture = overlay_picture(self.dataset, places[0])
             cv2.imwrite(str(self.folder / FOLDER / OVERLAY), picture[..., ::-1])
-        views = {name: self._alone(name) for name in self.sensors}
-        return audit_calibration(views, self.copies[:50], overlay=overlay, usual=self._usual())
+        return audit_calibration(self._views(), self.copies[:50], overlay=overlay, usual=self._usual())
 
     @property
     def _camera(self) -> CameraEncoder | None:
@@ -119,10 +125,29 @@ class Auditor:
         return audit_conditions(self.truth, self.dataset.index, self.table.tables, self.copies)
 
     def association(self) -> Audit:
-        """Between the boxes that the detector finds with one sensor at a time."""
-        boxes = {name: self._alone(name) for name in self.sensors}
-        thresholds = {name: self._thresholds(name) for name in self.sensors}
-        return audit_association(boxes, self._labels(), thresholds=thresholds, gate=self.gate)
+        """Of late fusion what it associates, by its own rule; else what the detector finds with one sensor at a time, above the
+        score of its best F1."""
+        if isinstance(self.model, LateFusion):
+            lists, _ = gather(self.model, self._batches(len(self.dataset)))
+            found = {name: [lists[token][name] for token in self.truth.tokens] for name in self.model.detectors}
+            return audit_association(found, by_probability(self.model), self.copies)
+        return audit_association({name: self._sure(name) for name in self.sensors}, by_distance(self.gate), self.copies)
+
+    def _views(self) -> Views:
+        """The views of each two sensors that are to lie on each other, sample by sample."""
+        network = next((part for part in self.model.modules() if isinstance(part, ImageNetwork)), None)
+        alone = {name: self.table.found[SUBSETS.index((name,))] for name in self.sensors}
+        by_token = {}
+        for batch in self._batches(len(self.dataset)):
+            by_token |= zip(batch.tokens, heat_of_pairs(network, batch, alone), strict=True)
+        every = [by_token[token] for token in self.truth.tokens]
+        return {pair: ([each[pair][0] for each in every], [each[pair][1] for each in every]) for pair in every[0]}
+
+    def _sure(self, sensor: str) -> list[Estimates]:
+        """What a sensor alone finds, sample by sample, with the variances of the head and the labels that it is of."""
+        thresholds, believed = self._thresholds(sensor), SensorCalibration(sensor, num_classes=len(self.truth.classes))
+        pairs = zip(self._alone(sensor), self._labels(), strict=True)
+        return [believed.estimates(boxes[boxes.score >= thresholds[boxes.label]], labels) for boxes, labels in pairs]
 
     def _alone(self, sensor: str) -> list[Boxes]:
         """The boxes found with one sensor, sample by sample."""

@@ -1,11 +1,14 @@
 """The views of two sensors laid over each other: what was injected is found again, within the error that is stated."""
 
+from dataclasses import replace
+from itertools import combinations
+
 import numpy as np
 import pytest
 
-from fusion_net.common.boxes import Boxes
 from fusion_net.evaluation.audits.alignment import Motion, align, align_sensors, pair_up
 from fusion_net.evaluation.audits.calibration import audit_calibration
+from fusion_net.evaluation.audits.heat import Heat
 from fusion_net.evaluation.bootstrap import resample_scenes
 
 SAMPLES = 60
@@ -15,18 +18,12 @@ def detections(rng, places, *, noise=(0.3, 0.15), missed=0.3, ghosts=4):
     """What a sensor sees of ``places`` (N, 2): some of them, off by ``noise`` (2,) metres, and a few ghosts."""
     seen = places[rng.random(len(places)) > missed]
     xy = np.concatenate([seen + rng.normal(0, noise, seen.shape), rng.uniform((5, -20), (50, 20), (ghosts, 2))])
-    n = len(xy)
-    variance = np.tile(np.log(np.square(noise)), (n, 1))
-    score = rng.uniform(0.2, 1, n)
-    center = np.column_stack([xy, np.zeros(n)])
-    return Boxes(center, np.ones((n, 3)), np.zeros(n), np.zeros((n, 2)), np.zeros(n, np.int64), score, variance)
+    cov = np.tile(np.diag(np.square(noise)), (len(xy), 1, 1))
+    return Heat(xy, cov, np.zeros(len(xy), np.int64), rng.uniform(0.2, 1, len(xy)))
 
 
-def moved(boxes, turn_deg=0.0, shift=(0.0, 0.0)):
-    c, s = np.cos(np.radians(turn_deg)), np.sin(np.radians(turn_deg))
-    center = boxes.center.copy()
-    center[:, :2] = center[:, :2] @ np.array([[c, s], [-s, c]]) + shift
-    return Boxes(center, *(getattr(boxes, n) for n in ("wlh", "yaw", "velocity", "label", "score", "log_variance")))
+def moved(heat, turn_deg=0.0, shift=(0.0, 0.0)):
+    return replace(heat, center=Motion(np.radians(turn_deg), np.array(shift))(heat.center))
 
 
 @pytest.fixture(scope="module")
@@ -49,12 +46,16 @@ def copies():
 )
 def test_an_injected_motion_is_found_within_the_stated_error(views, copies, turn, shift):
     c, s = np.cos(np.radians(turn)), np.sin(np.radians(turn))
-    turned = {"camera": [moved(b, -turn, -np.array(shift) @ np.array([[c, -s], [s, c]])) for b in views["camera"]]}
-    found = align_sensors(turned | {"lidar": views["lidar"]}, ("camera", "lidar"), copies)
+    turned = [moved(each, -turn, -np.array(shift) @ np.array([[c, -s], [s, c]])) for each in views["camera"]]
+    found = align_sensors(("camera", "lidar"), turned, views["lidar"], copies)
     assert found.turn_error < 0.15
     assert found.shift_error[1] < 0.08
     assert abs(found.turn_deg - turn) < 3 * found.turn_error + 0.02
     assert np.all(np.abs(np.array(found.shift) - shift) < 3 * np.array(found.shift_error) + 0.02)
+
+
+def paired(views):
+    return {names: tuple(views[name] for name in names) for names in combinations(("camera", "lidar", "radar"), 2)}
 
 
 def test_the_motion_back_is_the_opposite(views):
@@ -65,31 +66,31 @@ def test_the_motion_back_is_the_opposite(views):
 
 
 def test_classes_and_samples_are_not_mixed(views):
-    other = [Boxes(b.center, b.wlh, b.yaw, b.velocity, b.label + 1, b.score, b.log_variance) for b in views["lidar"]]
-    assert len(pair_up(views["camera"], other).weight) == 0
+    other = [replace(each, label=each.label + 1) for each in views["lidar"]]
+    assert len(pair_up(views["camera"], other)) == 0
     assert isinstance(align(pair_up(views["camera"], other)), Motion)
 
 
 def test_the_sensor_that_is_off_is_named(views, copies):
-    sound = audit_calibration(views, copies)
+    sound = audit_calibration(paired(views), copies)
     assert sound.ok, sound.verdict
     for name, label in (("camera", "camera"), ("lidar", "LiDAR"), ("radar", "radar")):
-        audit = audit_calibration(views | {name: [moved(b, 1.5, (0.0, 0.3)) for b in views[name]]}, copies)
+        audit = audit_calibration(paired(views | {name: [moved(b, 1.5, (0.0, 0.3)) for b in views[name]]}), copies)
         assert not audit.ok
         assert f"it is the {label}" in audit.verdict
 
 
 def test_what_a_sound_car_has_is_taken_off(views, copies):
     crooked = views | {"camera": [moved(b, 1.0) for b in views["camera"]]}
-    before = audit_calibration(crooked, copies)
-    after = audit_calibration(crooked, copies, usual=before.numbers["pairs"])
+    before = audit_calibration(paired(crooked), copies)
+    after = audit_calibration(paired(crooked), copies, usual=before.numbers["pairs"])
     assert not before.ok
     assert after.ok
     assert after.numbers["pairs"]["C+L"]["turn_deg"] == pytest.approx(0.0)
 
 
-def test_too_few_boxes_are_not_judged(copies):
-    nothing = {name: [Boxes.empty()] * SAMPLES for name in ("camera", "lidar")}
-    audit = audit_calibration(nothing, copies)
+def test_too_little_in_common_is_not_judged(copies):
+    nothing = [Heat.empty()] * SAMPLES
+    audit = audit_calibration({("camera", "lidar"): (nothing, nothing)}, copies)
     assert audit.ok is None
-    assert "too few" in audit.verdict
+    assert "too little" in audit.verdict

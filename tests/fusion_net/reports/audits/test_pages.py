@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from fusion_net.common.boxes import Boxes
-from fusion_net.evaluation.audits.association import audit_association
+from fusion_net.evaluation.audits.association import audit_association, by_distance
 from fusion_net.evaluation.audits.result import Audit
+from fusion_net.models.late.sensor_calibration import SensorCalibration
 from fusion_net.reports.audits.pages import read_audits, write_audit, write_page
 from fusion_net.reports.audits.run import AUDITS, chosen_audits
 
@@ -19,10 +20,9 @@ def people(xy):
 
 
 def test_an_audits_file_explains_itself(tmp_path):
-    seen = [people([(10.0, 0.0), (20.0, 5.0)])] * 20
-    audit = audit_association(
-        {"camera": seen, "lidar": seen}, seen, thresholds=dict.fromkeys(("camera", "lidar"), np.zeros(1)), gate=2.0
-    )
+    labels = people([(10.0, 0.0), (20.0, 5.0)])
+    seen = [SensorCalibration("lidar", num_classes=1).estimates(labels, labels)] * 20
+    audit = audit_association({"camera": seen, "lidar": seen}, by_distance(2.0), np.ones((2, 20), np.int64))
     write_audit(tmp_path, audit)
     write_audit(tmp_path, Audit("depth", "Depth", "nothing to see", None, {}, "why"))
     write_page(tmp_path)

@@ -5,6 +5,8 @@ where a constructor takes it, and whatever is unknown is answered with the neare
 """
 
 import re
+from copy import deepcopy
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -101,13 +103,9 @@ class Settings:
 
     def _compose(self, overrides: list[str]) -> DictConfig:
         more = [f"hydra.searchpath={as_override([f'file://{each.resolve()}' for each in self.folders[1:]])}"]
-        with initialize_config_dir(str(CONFIGS), version_base="1.3"):
-            try:
-                return compose(self.command, overrides=[*more, *overrides], return_hydra_config=True)
-            except HydraException as error:
-                raise UserError(str(error).splitlines()[0]) from error
-            except (YAMLError, UnicodeDecodeError, OmegaConfBaseException) as error:
-                raise UserError(f"a file of settings cannot be read: {error}") from error
+        if len(self.folders) == 1:
+            return deepcopy(_composed(self.command, *more, *overrides))
+        return _composed.__wrapped__(self.command, *more, *overrides)
 
     def _check_group(self, override: Override) -> None:
         key, options = override.key_or_group, self.groups[override.key_or_group]
@@ -215,6 +213,18 @@ class Settings:
             parent = key.rsplit(".", 1)[0]
             options |= {f"{parent}.{name}" for name in arguments(target[0]) or () if name not in ("args", "kwargs")}
         return f"unknown {kind} '{key}'; {nearest(key, sorted(options))}"
+
+
+@cache
+def _composed(config_name: str, *overrides: str) -> DictConfig:
+    """Kept where all of it is the project's own, which does not change while a process runs."""
+    with initialize_config_dir(str(CONFIGS), version_base="1.3"):
+        try:
+            return compose(config_name, overrides=list(overrides), return_hydra_config=True)
+        except HydraException as error:
+            raise UserError(str(error).splitlines()[0]) from error
+        except (YAMLError, UnicodeDecodeError, OmegaConfBaseException) as error:
+            raise UserError(f"a file of settings cannot be read: {error}") from error
 
 
 def _groups(folders: list[Path]) -> dict[str, list[str]]:

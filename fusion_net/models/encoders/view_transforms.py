@@ -71,6 +71,7 @@ class ViewTransform(nn.Module):
         """Which pixels contribute to which cells, for cameras (B, N) with (h, w) feature cells."""
         key = (cam_K.cpu().numpy().tobytes(), ego_T_cam.cpu().numpy().tobytes(), cam_K.shape[:2], size, cam_K.device)
         if self._cached[0] != key:
-            with torch.no_grad(), torch.autocast(cam_K.device.type, enabled=False):
+            # Not in inference mode: what was made in it could not serve a later backward pass with the same calibration.
+            with torch.inference_mode(False), torch.no_grad(), torch.autocast(cam_K.device.type, enabled=False):
                 self._cached = (key, self._geometry(cam_K.float(), ego_T_cam.float(), (size[0], size[1])))
         return self._cached[1]

@@ -4,6 +4,7 @@ Settings are in ``configs/ablation.yaml``; docs/ablations.md says how to read th
 """
 
 import json
+import shlex
 import sys
 from pathlib import Path
 
@@ -31,7 +32,7 @@ def write_ablation(
     jobs = find_jobs(folder, committed)
     options = "".join(f" {key}" for key, is_set in (("collect=true", keep),) if is_set)
     typed = f"python -m fusion_net.reports.ablation {folder.as_posix()}{options}"
-    typed += f" 'reference={as_override(reference)}'" if reference else ""
+    typed += f" {shlex.quote(f'reference={as_override(reference)}')}" if reference else ""
     doc = {"sweep": folder.name, "command": typed} | compare(jobs, reference=reference)
     target = folder
     if keep and results is not None:

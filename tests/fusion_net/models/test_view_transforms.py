@@ -296,6 +296,20 @@ def test_another_calibration_is_another_geometry(view):
     assert torch.equal(first, lift(features, depth, cam_K, ego_T_cam))
 
 
+@pytest.mark.parametrize("view", VIEWS)
+def test_a_geometry_made_without_gradients_serves_a_backward_pass(view):
+    """As an audit asks for one after the drop table, on the same batch."""
+    lift = view(grid=GRID, bins=BINS, stride=STRIDE)
+    features, depth = torch.rand(1, 1, *SIZE, lift.num_layers, 4), torch.rand(1, 1, *SIZE, BINS.count)
+    with torch.inference_mode():
+        calibration = camera()
+        lift(features, depth, *calibration)
+    features.requires_grad_()
+    depth.requires_grad_()
+    lift(features, depth, *camera()).sum().backward()
+    assert features.grad.abs().sum() > 0
+
+
 @pytest.mark.parametrize("spacing", ["linear", "log"])
 def test_bins_place_features_where_they_label_depth(spacing):
     bins = DepthBins(2.0, 58.0, 37, spacing)

@@ -11,7 +11,6 @@ from data_gen.pictures.sensor_sheet import draw_sensors
 from data_gen.pictures.sheet import Image, data_of, short_scene, single_condition, write_sheet
 from data_gen.recording.capture import capture
 from data_gen.rig.rig import Rig
-from data_gen.road.layout import LAYOUTS
 from data_gen.scene.conditions import ConditionMix
 from data_gen.scene.scene import Scene
 from fusion_net.common.cli.command import build, command
@@ -43,10 +42,11 @@ def draw_layouts(path: Path, rig: Rig, scenario: Scenario, mix: ConditionMix, *,
     one_camera = replace(rig, cameras={channel: camera}, radars={})
     names = list(mix.weights)
     rows = []
-    for layout in LAYOUTS:
+    for layout in scenario.all_streets:
         scenes = (short_scene(rig, layout, scenario, single_condition(mix, name, severity), seed) for name in names)
         rows.append([_picture(scene, one_camera, seed) for scene in scenes])
-    write_sheet(path, rows, row_names=[label(name) for name in LAYOUTS], column_names=[label(name) for name in names])
+    row_names = [label(name) for name in scenario.all_streets]
+    write_sheet(path, rows, row_names=row_names, column_names=[label(name) for name in names])
 
 
 def _picture(scene: Scene, rig: Rig, seed: int) -> Image:

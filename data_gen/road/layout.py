@@ -4,7 +4,6 @@ highway-env's y points to the right and its ``velocity`` leaves out the slip ang
 and nowhere else.
 """
 
-import string
 from dataclasses import dataclass
 from typing import Literal
 
@@ -16,7 +15,7 @@ from data_gen.road.driver import Driver, SimulatedRoad
 from data_gen.road.ego import REAR_AXLE
 from data_gen.road.footprints import overlaps
 from data_gen.road.halts import BRAKE, NEVER, Halt, choose_halt
-from data_gen.road.streets import CROSSING, LAYOUTS, build_network
+from data_gen.road.streets import LAYOUTS, STREETS, Street, build_network
 from data_gen.road.track import Track
 from data_gen.road.traffic_settings import Traffic
 from fusion_net.common.checks import check_names
@@ -41,18 +40,6 @@ CREEP = (-1.5, 4.0)
 """Range of the desired speed in m/s, at least 0, in a queue that the ego stands in."""
 ATTEMPTS = 60
 _LINES: tuple[LineKind, ...] = ("none", "striped", "continuous", "continuous")  # by highway-env's LineType
-
-_START = {
-    "highway": "0",
-    "merge": "aj",
-    "exit": "01",
-    "roundabout": "snew",
-    "intersection": "oi",
-    "two_way": "ab",
-    "racetrack": string.ascii_lowercase,
-    "u_turn": "abc",
-}
-"""First letters of the nodes that an ego's first lane may begin at."""
 
 
 @dataclass(frozen=True)
@@ -85,12 +72,14 @@ class Layout:
     extent: tuple[float, float]
 
 
-def record_layout(name: str, *, seed: int, duration: float, traffic: Traffic) -> Layout:
-    """An episode of ``duration`` seconds on a layout of :data:`LAYOUTS`.
+def record_layout(name: str, *, seed: int, duration: float, traffic: Traffic, street: Street | None = None) -> Layout:
+    """An episode of ``duration`` seconds on a layout of :data:`LAYOUTS`, or on a ``street`` of one's own under any name.
 
     The same seed gives the same episode, whatever was made before. One in which two vehicles touch is replaced by another.
     """
-    check_names("layout", [name], LAYOUTS)
+    if street is None:
+        check_names("layout", [name], LAYOUTS)
+        street = STREETS[name]
     if not duration > 0:
         raise ValueError(f"layout '{name}': duration={duration} s is not above 0")
     # once: a collision does not make it rarer
@@ -98,8 +87,8 @@ def record_layout(name: str, *, seed: int, duration: float, traffic: Traffic) ->
     for attempt in range(ATTEMPTS):
         rng = stream(seed, "layout", name, attempt)
         pace = uniform(rng, traffic.speed[name])
-        road = SimulatedRoad(build_network(name, pace, rng), rng, crossing=name in CROSSING)
-        _fill(road, name, pace, traffic, halt)
+        road = SimulatedRoad(build_network(street, pace, rng), rng, crossing=street.crossing)
+        _fill(road, name, street.starts, pace, traffic, halt)
         states = _simulate(road, warm_up=rng.uniform(*WARM_UP), duration=duration)
         if states is not None:
             return _layout(name, road, states)
@@ -109,14 +98,14 @@ def record_layout(name: str, *, seed: int, duration: float, traffic: Traffic) ->
     )
 
 
-def _fill(road: SimulatedRoad, name: str, pace: float, traffic: Traffic, halt: Halt) -> None:
+def _fill(road: SimulatedRoad, name: str, starts: str, pace: float, traffic: Traffic, halt: Halt) -> None:
     """Put the ego (first) and others around it on the lanes, with gaps for their speeds, some of them in a queue. Where
     the ego halts and no ways cross, all who go its way creep."""
     rng = road.np_random
     lanes = road.network.lanes_dict()
-    indices, change = list(lanes), name not in CROSSING
+    indices, change = list(lanes), not road.crossing
     weight = np.minimum([lane.length for lane in lanes.values()], 250.0)
-    index, s = _start(road, name, rng, halt)
+    index, s = _start(road, name, starts, rng, halt)
     target = pace * uniform(rng, traffic.ego_speed_factor)
     speed = min(target * rng.uniform(0.7, 1.0), lanes[index].speed_limit, halt.approach_speed(WARM_UP[0]))
     s -= speed**2 / (2 * BRAKE) if road.crossing and halt is not NEVER else 0.0
@@ -145,17 +134,22 @@ def _fill(road: SimulatedRoad, name: str, pace: float, traffic: Traffic, halt: H
             road.vehicles.append(driver)
 
 
-def _start(road: SimulatedRoad, name: str, rng: np.random.Generator, halt: Halt) -> tuple:
+def _start(road: SimulatedRoad, name: str, starts: str, rng: np.random.Generator, halt: Halt) -> tuple:
     """Where the ego begins: not where a lane is about to end for good; who halts at an intersection, before its line."""
     lanes = road.network.lanes_dict()
     leads_on = {start for start in road.network.graph if not start.startswith("o")}  # o: the intersection's far ends
     before_line = halt is not NEVER and name == "intersection"
-    starts = "o" if before_line else _START[name]
+    starts = "o" if before_line else starts
     choices = [
         index
         for index, lane in lanes.items()
-        if index[0][0] in starts and lane.length > 8 and (index[1] in leads_on or lane.length > 600)
+        if index[0].startswith(tuple(starts) or "") and lane.length > 8 and (index[1] in leads_on or lane.length > 600)
     ]
+    if not choices:
+        raise ValueError(
+            f"layout '{name}': the ego can begin nowhere: no lane from a node in '{starts}' is longer than 8 m and leads"
+            " on, or is longer than 600 m"
+        )
     lengths = np.minimum([lanes[index].length for index in choices], 120.0)
     index = choices[rng.choice(len(choices), p=lengths / lengths.sum())]
     length = lanes[index].length

@@ -1,8 +1,10 @@
-"""The eight road networks, taken from highway-env's environments and varied by the seed."""
+"""The eight street networks, taken from highway-env's environments and varied by the seed."""
 
 import math
 import os
+import string
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -25,18 +27,27 @@ from highway_env.road.road import RoadNetwork
 
 Rng = np.random.Generator
 
-CROSSING = ("roundabout", "intersection")
-"""Layouts where ways cross: somebody has to yield, and nobody changes lanes."""
-
 EXTENSION = 120.0
 LATERAL_ACCELERATION = 3.0
 """Comfortable in a bend, m/s^2: limits the speed on an arc to sqrt(3 radius)."""
 
 
-def build_network(name: str, pace: float, rng: Rng) -> RoadNetwork:
-    """The lanes of a layout, with speed limits for a desired speed ``pace`` in m/s. y points right here, as highway-env
-    has it."""
-    network = _NETWORKS[name](rng)
+@dataclass(frozen=True)
+class Street:
+    """What a layout is made of. ``make``: the lanes, anew for each scene; y points right there, as highway-env has it.
+
+    ``starts``: first letters of the nodes at which the ego's first lane may begin; empty: of any. ``crossing``: ways cross, so
+    that somebody has to yield and nobody changes lanes.
+    """
+
+    make: Callable[[Rng], RoadNetwork]
+    starts: str = ""
+    crossing: bool = False
+
+
+def build_network(street: Street, pace: float, rng: Rng) -> RoadNetwork:
+    """The lanes of a street, with speed limits for a desired speed ``pace`` in m/s."""
+    network = street.make(rng)
     _extend(network)
     for lane in network.lanes_list():
         radius = getattr(lane, "radius", math.inf)
@@ -121,15 +132,14 @@ def _u_turn(rng: Rng) -> RoadNetwork:
     return _network(u_turn_env.UTurnEnv, rng)
 
 
-_NETWORKS: dict[str, Callable[[Rng], RoadNetwork]] = {
-    "highway": _highway,
-    "merge": _merge,
-    "exit": _exit,
-    "roundabout": _roundabout,
-    "intersection": _intersection,
-    "two_way": _two_way,
-    "racetrack": _racetrack,
-    "u_turn": _u_turn,
+STREETS = {
+    "highway": Street(_highway, starts="0"),
+    "merge": Street(_merge, starts="aj"),
+    "exit": Street(_exit, starts="01"),
+    "roundabout": Street(_roundabout, starts="snew", crossing=True),
+    "intersection": Street(_intersection, starts="oi", crossing=True),
+    "two_way": Street(_two_way, starts="ab"),
+    "racetrack": Street(_racetrack, starts=string.ascii_lowercase),
+    "u_turn": Street(_u_turn, starts="abc"),
 }
-
-LAYOUTS = tuple(_NETWORKS)
+LAYOUTS = tuple(STREETS)

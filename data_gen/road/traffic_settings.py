@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 from beartype import beartype
 
-from data_gen.road.streets import LAYOUTS
 from fusion_net.common.checks import check_names, check_not_negative, check_probabilities, check_ranges, check_weights
 
 DRIVEN = ("car", "truck", "bus", "motorcycle", "construction_vehicle")
@@ -34,9 +33,6 @@ class Traffic:
             trailer_probability=self.trailer_probability,
         )
         check_ranges(ego_speed_factor=self.ego_speed_factor, speed_factor=self.speed_factor)
-        check_names("layout of speed", self.speed, LAYOUTS)
-        if missing := [name for name in LAYOUTS if name not in self.speed]:
-            raise ValueError(f"speed: the layout '{missing[0]}' is missing")
         check_ranges(**{f"speed.{name}": pace for name, pace in self.speed.items()})
         check_names("class of class_mix", self.class_mix, DRIVEN)
         check_weights("class_mix", self.class_mix)

@@ -9,7 +9,6 @@ from torch import nn
 from fusion_net.common.bev_grid import BEVGrid
 from fusion_net.models.center_head import CenterHead
 from fusion_net.models.encoders.painted_lidar import PaintedLidarEncoder
-from fusion_net.models.fuser import Fuser
 from fusion_net.models.fusion_net import FusionNet
 from fusion_net.models.losses import DetectionLoss
 
@@ -21,7 +20,7 @@ def early_fusion(
     bev_channels: int,
     modalities: list[str],
     encoders: dict[str, Any],
-    fuser: Callable[..., Fuser],
+    fuser: Callable[..., nn.Module],
     decoder: nn.Module,
     head: CenterHead,
     losses: DetectionLoss,

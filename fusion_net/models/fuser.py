@@ -5,14 +5,14 @@ sensor in use: an absent sensor's *features* are dropped, so that nothing its en
 Every fuser keeps the width: maps (B, ``channels``, Y, X) in, one such map out.
 """
 
-from typing import Literal
-
 import torch
 import torch.nn.functional as F
 from beartype import beartype
 from torch import Tensor, nn
 
+from fusion_net.common.checks import check_names
 from fusion_net.common.nuscenes_format import MODALITIES
+from fusion_net.common.settings import own_object
 from fusion_net.models.blocks.layers import ConvBlock
 
 
@@ -148,22 +148,24 @@ class CrossAttentionFuser(nn.Module):
         return self.output(_sum(values).flatten(1, 2))
 
 
-Fuser = ConcatFuser | AverageFuser | GatedFuser | CrossAttentionFuser
+KINDS = ("concat", "average", "channel_weight", "gated", "cross_attention")
 
 
 @beartype
-def make_fuser(
-    kind: Literal["concat", "average", "channel_weight", "gated", "cross_attention"],
-    *,
-    modalities: list[str],
-    channels: int,
-) -> Fuser:
-    """The fuser that a configuration names, for the sensors that it keeps."""
+def make_fuser(kind: str, *, modalities: list[str], channels: int) -> nn.Module:
+    """The fuser that a configuration names, for the sensors that it keeps: one of KINDS, or a class of one's own.
+
+    Such a ``module.Class`` takes ``modalities`` and ``channels``, keeps ``channels``, and has a ``forward`` as the others: maps
+    by sensor and ``present`` (B, M) in the same order to one map (B, channels, Y, X).
+    """
     wrong = [f"{name!r} is no sensor" for name in modalities if name not in MODALITIES]
     wrong += [f"{name!r} is there twice" for name in modalities if modalities.count(name) > 1]
     wrong += [] if modalities else ["no sensor is named"]
     if wrong:
         raise ValueError(f"encoders: {wrong[0]}; choose from {', '.join(MODALITIES)}")
+    if "." in kind:
+        return own_object(kind, where="fuser")(modalities=modalities, channels=channels)
+    check_names("fuser", [kind], KINDS)
     if kind == "concat":
         return ConcatFuser(modalities=modalities, channels=channels)
     if kind == "gated":

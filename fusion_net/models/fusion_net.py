@@ -17,7 +17,6 @@ from fusion_net.models.blocks.outputs import Encoded, Outputs
 from fusion_net.models.center_head import CenterHead
 from fusion_net.models.encoders.image_network import ImageNetwork
 from fusion_net.models.encoders.radar_encoder import radar_detections, radial_velocity
-from fusion_net.models.fuser import Fuser
 from fusion_net.models.losses import DetectionLoss
 
 
@@ -41,7 +40,7 @@ class FusionNet(nn.Module):
         bev_channels: int,
         modalities: list[str],
         encoders: dict[str, nn.Module],
-        fuser: Fuser,
+        fuser: nn.Module,
         decoder: nn.Module,
         head: CenterHead,
         losses: DetectionLoss,
@@ -55,8 +54,8 @@ class FusionNet(nn.Module):
                 raise ValueError(f"fusion net: no encoder for {name!r}; this model has {', '.join(encoders)}")
         parts = {f"{name} encoder": encoders[name] for name in modalities} | {"fuser": fuser}
         for name, part in parts.items():
-            if part.channels != bev_channels:
-                raise ValueError(f"fusion net: the {name} has {part.channels} channels, bev_channels is {bev_channels}")
+            if (channels := getattr(part, "channels", "no")) != bev_channels:
+                raise ValueError(f"fusion net: the {name} has {channels} channels, bev_channels is {bev_channels}")
         self.grid, self.bev_channels = grid, bev_channels
         self.encoders = nn.ModuleDict({name: encoders[name] for name in MODALITIES if name in modalities})
         self.fuser, self.decoder, self.head, self.losses = fuser, decoder, head, losses

@@ -25,6 +25,7 @@ from fusion_net.common.cli.hints import with_floats
 from fusion_net.common.cli.override_values import nearest
 from fusion_net.common.cli.overrides import CONFIGS, check_overrides
 from fusion_net.common.cli.terminal import print_any_text
+from fusion_net.common.settings import WHERE_MODULES_ARE
 
 MISTAKES = (ValueError, OSError, HydraException, OmegaConfBaseException, BeartypeCallHintViolation)
 """What a user can mend; anything else is a bug and keeps its traceback."""
@@ -87,6 +88,8 @@ def build(node: Any, where: str, **arguments: Any) -> Any:
     except InstantiationException as error:
         found = re.search(r"full_key: (\S+)", str(error))
         key, reason = f"{where}.{found.group(1)}" if found else where, one_line(error.__cause__ or error)
+        if reason.startswith("Error loading"):
+            reason = f"{reason.split(' Are you sure')[0]}; {WHERE_MODULES_ARE}"
         raise UserError(reason if reason.startswith((f"{key}:", f"{key}.")) else f"{key}: {reason}") from error
 
 

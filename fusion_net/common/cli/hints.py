@@ -5,7 +5,7 @@ import types
 from collections.abc import Mapping, Sequence
 from typing import Any, Union, get_args, get_origin
 
-from hydra.utils import get_object
+from hydra._internal.utils import _locate  # hydra.utils.get_object writes to the log what it cannot find
 
 SPECIAL = ("_target_", "_args_", "_convert_", "_partial_", "_recursive_")
 """Keys of a node that Hydra reads itself."""
@@ -14,7 +14,7 @@ SPECIAL = ("_target_", "_args_", "_convert_", "_partial_", "_recursive_")
 def arguments(target: str) -> Mapping[str, inspect.Parameter] | None:
     """The arguments of a class or function by name; None when it cannot be imported (building it says why)."""
     try:
-        return inspect.signature(get_object(target)).parameters
+        return inspect.signature(_locate(target)).parameters
     except Exception:  # an import runs any code
         return None
 

@@ -17,7 +17,6 @@ from fusion_net.data.batch import Batch, Targets
 from fusion_net.models.blocks.outputs import Outputs
 from fusion_net.models.center_head import CenterHead
 from fusion_net.models.encoders.image_network import ImageNetwork
-from fusion_net.models.fuser import Fuser
 from fusion_net.models.fusion_net import FusionNet
 from fusion_net.models.late.covariance import gate_of
 from fusion_net.models.late.estimates import Estimates
@@ -45,7 +44,7 @@ def one_sensor(
     grid: BEVGrid,
     bev_channels: int,
     encoders: dict[str, nn.Module],
-    fuser: Callable[..., Fuser],
+    fuser: Callable[..., nn.Module],
     decoder: Callable[..., nn.Module],
     head: Callable[..., CenterHead],
     losses: DetectionLoss,

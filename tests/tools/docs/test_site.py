@@ -8,12 +8,19 @@ from pathlib import Path
 
 import pytest
 import yaml
+from omegaconf import OmegaConf
+
+from fusion_net.common.cli.composed import composed
+from fusion_net.common.cli.overrides import COMMANDS
 
 ROOT = Path(__file__).resolve().parents[3]
 DOCS = ROOT / "docs"
 sys.path.insert(0, str(ROOT / "tools" / "docs"))
+from commands import commands_reference, make_targets  # noqa: E402
 from settings import settings_of, settings_reference  # noqa: E402
 from shapes import PAGE, shapes_page  # noqa: E402
+from worked import PAGES as WORKED  # noqa: E402
+from worked import worked  # noqa: E402
 
 
 def pages_of(entry) -> list[str]:
@@ -53,6 +60,54 @@ def test_the_reference_has_every_command_and_group():
         assert (f"### `{path.stem}`" if group == "." else f"### `{group}={path.stem}`") in page
     assert "| `trainer.max_lr` | `3.0e-3` |" in page
     assert "| `model.encoders.lidar.pillar` | `0.4` | metres |" in page
+
+
+@pytest.mark.parametrize("command", sorted(COMMANDS))
+def test_the_reference_has_every_key_of_a_command(command):
+    """What ``--cfg job`` would print, but for what a chosen file of a group names."""
+    page = settings_reference(ROOT / "configs")
+    section = page.partition(f"### `{command}`\n")[2].partition("\n### ")[0]
+    own = OmegaConf.load(ROOT / "configs" / f"{command}.yaml")
+    for key in set(own) - {"defaults", "hydra"}:
+        assert re.search(rf"^\| `{key}[`.]", section, re.MULTILINE), key
+
+
+def test_the_reference_has_every_key_of_the_network():
+    """Of all groups together, as ``python train.py`` composes them: nothing is set that the page does not name."""
+    page = settings_reference(ROOT / "configs")
+    named = set(re.findall(r"^\| `([\w.]+)`", page, re.MULTILINE))
+    cfg = OmegaConf.to_container(composed("train"), resolve=False)
+    missing = [key for key in leaves(cfg) if not any(part in named for part in prefixes(key)) and "_target_" not in key]
+    assert not missing
+
+
+def leaves(node, prefix=""):
+    for key, value in node.items():
+        yield from leaves(value, f"{prefix}{key}.") if isinstance(value, dict) and value else [f"{prefix}{key}"]
+
+
+def prefixes(key):
+    parts = key.split(".")
+    return [".".join(parts[: i + 1]) for i in range(len(parts))]
+
+
+def test_the_commands_have_their_help_and_every_target_of_make_is_there():
+    page = commands_reference(ROOT)
+    for name, call in COMMANDS.items():
+        title = call if call.startswith("python") else f"python {call}"
+        assert f"### `{title}`\n\n    " in page, name
+    targets = make_targets(ROOT / "Makefile")
+    assert {"demo", "try", "test", "check", "docs", "lint", "devkit"} <= set(targets)
+    assert all(targets.values())
+    assert all(f"| `make {name}` |" in page for name in targets)
+    assert "`python -m benchmarks.splat`" in page
+    assert "`python tools/devkit/check.py`" in page
+
+
+@pytest.mark.parametrize("page", WORKED, ids=lambda page: page.stem)
+def test_the_worked_numbers_are_what_the_code_prints(page):
+    text = page.read_text(encoding="utf-8")
+    assert text == worked(text), "write it again: python tools/docs/worked.py"
 
 
 def test_the_page_of_shapes_is_what_the_network_does():

@@ -21,7 +21,7 @@ from fusion_net.evaluation.late_calibration import calibrate
 from fusion_net.models.late.late_fusion import LateFusion, one_sensor
 from fusion_net.models.precision import autocast
 from fusion_net.models.weights_file import fit_weights
-from fusion_net.runs.run_dir import model_weights, read_checkpoint
+from fusion_net.runs.checkpoints import model_weights, read_checkpoint
 from fusion_net.runs.trained import Trained, shipped, trained_run
 
 FITTED = ("calibration.", "prior")

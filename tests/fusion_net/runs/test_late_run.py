@@ -11,7 +11,7 @@ from hydra import compose, initialize_config_dir
 from fusion_net.common.cli.command import CONFIGS, build
 from fusion_net.evaluate import evaluate_run
 from fusion_net.fit import fit
-from fusion_net.runs import trained
+from fusion_net.runs import sources
 from fusion_net.runs.late import held_out, with_detectors
 from fusion_net.runs.run_dir import is_finished
 from fusion_net.runs.trained import shipped, trained_run
@@ -55,7 +55,7 @@ def place(tmp_path_factory):
 @pytest.fixture
 def here(place, monkeypatch):
     monkeypatch.chdir(place)
-    monkeypatch.setattr(trained, "SHIPPED", place / "checkpoints")
+    monkeypatch.setattr(sources, "SHIPPED", place / "checkpoints")
     return place
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from omegaconf import DictConfig, OmegaConf
 
+from fusion_net.common.checks import check_names
 from fusion_net.nuscenes.tables import refuse_no_data
 from fusion_net.runs.run_dir import refuse_folder, run_folder
 from fusion_net.runs.sources import shipped_path, source_of
@@ -25,6 +26,8 @@ def check_training(cfg: DictConfig) -> None:
         raise ValueError(f"painting={cfg.painting}: this model paints no points; add model=early")
     if cfg.dataset.workers < 0:
         raise ValueError(f"dataset.workers={cfg.dataset.workers} is not a number of processes; 0 reads in this one")
+    if "detectors" in cfg.model:
+        check_late(cfg.late)
     folder = run_folder(cfg.name)
     if not any(int(os.environ.get(name, 0)) for name in RANKS):  # the others of a run find its folder open
         refuse_folder(folder, resume=cfg.resume, overwrite=cfg.overwrite)
@@ -48,8 +51,27 @@ def check_evaluation(cfg: DictConfig) -> None:
         raise ValueError(f"audit_gate={cfg.audit_gate} must be a finite number of metres above 0; try audit_gate=2")
     if cfg.ship and not cfg.ship.endswith(".pt"):
         raise ValueError(f"ship={cfg.ship} is no file of weights; end it with .pt")
+    check_late(cfg.late)
     source_of(cfg)
     _check_data(cfg)
+
+
+def check_late(late: DictConfig) -> None:
+    """ValueError for a rule of late fusion that there is not, and for what is no probability. None is as it was trained."""
+    chosen = {key: late[key] for key in ("association", "merge", "score") if late[key] is not None}
+    if chosen:
+        from fusion_net.models.late.fuse import ASSOCIATIONS
+        from fusion_net.models.late.merging import MERGES
+        from fusion_net.models.late.scores import SCORES
+
+        known = {"association": ASSOCIATIONS, "merge": MERGES, "score": SCORES}
+        for key, name in chosen.items():
+            check_names(f"late.{key}", [str(name)], known[key])
+    for key, where in (("gate", "above 0 and below 1"), ("min_probability", "from 0 to 1")):
+        value = 0.5 if late[key] is None else late[key]
+        is_inside = isinstance(value, int | float) and (0 < value < 1 or (key == "min_probability" and value in (0, 1)))
+        if not is_inside or isinstance(value, bool):
+            raise ValueError(f"late.{key}={value} is a probability: give a number {where}")
 
 
 def check_counts(cfg: DictConfig) -> None:

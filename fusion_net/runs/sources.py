@@ -53,6 +53,11 @@ def found_checkpoint(path: Path) -> Path:
     return path
 
 
+def names_weights(name: str) -> bool:
+    """Whether a name is one of shipped weights or a file of weights; runs are named by their folder: runs/NAME."""
+    return name.endswith((".pt", ".ckpt")) or ("/" not in name and not Path(name).is_dir())
+
+
 def shipped_names() -> list[str]:
     """What ``checkpoint=`` takes without a run, ``nano`` first."""
     return sorted((path.stem for path in SHIPPED.glob("*.pt")), key=lambda name: (name != "nano", name))

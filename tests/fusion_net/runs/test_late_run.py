@@ -174,8 +174,8 @@ def test_the_calibration_is_fitted_anew_on_demand(here):
         (["late.detectors.lidar=runs/camera"], r"lidar=runs/camera: it fuses camera in one network; a detector of the"),
         (["late.detectors.lidar=runs/nobody"], r"lidar=runs/nobody: no run at runs/nobody; there are .*base, camera"),
         (["late.detectors.lidar=nothing"], r"lidar=nothing: no shipped weights nothing; there are mini"),
-        (["late.merge=sum"], r"there is no merge=sum; "),
-        (["late.gate=1.0"], r"gate=1\.0 is a probability: above 0 and below 1"),
+        (["late.merge=sum"], r"unknown late\.merge 'sum'; did you mean 'best'\? There are covariance_intersection, "),
+        (["late.gate=1.0"], r"late\.gate=1\.0 is a probability: give a number above 0 and below 1"),
         (["model=mid"], r"late\.detectors\.camera=runs/camera: this model is no late fusion and reads none of late"),
     ],
 )

@@ -17,11 +17,13 @@ from torch import Tensor
 from fusion_net.common.boxes import Boxes
 from fusion_net.common.geometry import invert
 from fusion_net.common.nuscenes_format import MODALITIES
-from fusion_net.data.batch import LIDAR_CHANNELS, RADAR_CHANNELS, Batch
+from fusion_net.data.batch import Batch
 from fusion_net.data.cameras import fit_image
 from fusion_net.data.depth_labels import lidar_depth
+from fusion_net.detector_inputs import intrinsics, lidar_table, pictures, poses, radar_table
 from fusion_net.models.fusion_net import FusionNet
 from fusion_net.models.precision import autocast
+from fusion_net.runs.sources import names_weights
 from fusion_net.runs.trained import Trained, shipped, trained_run
 
 Array = ArrayLike | Tensor
@@ -70,11 +72,11 @@ class Detector:
         self.stride: int | None = settings.label_stride
 
     @staticmethod
-    def load(name: str, *, device: torch.device | str = "cpu") -> "Detector":
+    def load(name: str | Path, *, device: torch.device | str = "cpu") -> "Detector":
         """Shipped weights by name ("nano") or by the path of their file (.pt), or the best checkpoint of a run by its folder
         ("runs/mine"). FileNotFoundError where there is none."""
-        is_run = (Path(name) / "config.yaml").exists()
-        return Detector(trained_run(Path(name), "best") if is_run else shipped(name), device=device)
+        is_file = names_weights(str(name))
+        return Detector(shipped(str(name)) if is_file else trained_run(Path(name), "best"), device=device)
 
     @torch.inference_mode()
     def __call__(
@@ -90,22 +92,20 @@ class Detector:
         ``images``: (N, H, W, 3) uint8 RGB of N cameras, or (H, W, 3) of one, with their ``calibration``; they are scaled and
         cut as the images that the detector was trained with. ``points`` (P, 3 to 5): LiDAR points x, y, z, intensity in [0, 1],
         and age in s (reference time minus the point's); what is left out is 0. ``radar`` (R, 6 or 7): x, y, z, RCS in dBsm,
-        the radial velocity over ground as a vector vx, vy in m/s, and age in s. Rows that are not finite are left out; no
-        LiDAR point at all counts as a dead LiDAR. ValueError when an array is none of these.
+        the radial velocity over ground as a vector vx, vy in m/s, and age in s. No LiDAR point at all counts as a dead LiDAR.
+        ValueError or TypeError, with what would be right, when an array is none of these (:mod:`fusion_net.detector_inputs`).
         """
         given = {"camera": images, "lidar": points, "radar": radar}
         there = [sensor for sensor in MODALITIES if given[sensor] is not None]
-        if not there:
-            raise ValueError("detector: give at least one of images, points and radar")
         if unknown := [sensor for sensor in there if sensor not in self.sensors]:
             raise ValueError(f"detector: it has no encoder for {unknown[0]}; it takes {', '.join(self.sensors)}")
-        lidar = _table("points", points, LIDAR_CHANNELS, fewest=3)
-        pictures, cam_K, ego_T_cam, depth = self._views(images, calibration, lidar)
+        lidar = lidar_table(points)
+        seen, cam_K, ego_T_cam, depth = self._views(images, calibration, lidar)
         present = {"camera": images is not None, "lidar": len(lidar) > 0, "radar": radar is not None}
-        returns = _table("radar", radar, RADAR_CHANNELS, fewest=6)
+        returns = radar_table(radar)
         batch = Batch(
             tokens=["array"],
-            images=pictures[None],
+            images=seen[None],
             cam_K=cam_K[None],
             ego_T_cam=ego_T_cam[None],
             lidar_depth=depth[None],
@@ -128,15 +128,17 @@ class Detector:
             return pixels, torch.zeros(0, 3, 3), torch.zeros(0, 4, 4), torch.zeros(0, 0, 0)
         if calibration is None:
             raise ValueError("detector: images need calibration=Calibration(cam_K=..., ego_T_cam=...)")
-        pictures = _pictures(images)
-        cam_K = _matrices("cam_K", calibration.cam_K, 3, len(pictures))
-        ego_T_cam = _matrices("ego_T_cam", calibration.ego_T_cam, 4, len(pictures))
-        fit = fit_image(pictures[0].shape[:2], self.image_size, self.stride)
+        if not isinstance(calibration, Calibration):
+            kind = type(calibration).__name__
+            raise TypeError(f"detector: calibration is a {kind}; give Calibration(cam_K=..., ego_T_cam=...)")
+        views = pictures(images)
+        cam_K, ego_T_cam = intrinsics(calibration.cam_K, len(views)), poses(calibration.ego_T_cam, len(views))
+        fit = fit_image(views[0].shape[:2], self.image_size, self.stride)
         size = {"height": fit.height, "width": fit.width, "stride": self.stride or 1}
         cam_K = np.stack([fit.cam_K(each) for each in cam_K])
         depth = [lidar_depth(lidar, invert(pose), own, **size) for pose, own in zip(ego_T_cam, cam_K, strict=True)]
         return (
-            torch.from_numpy(np.stack([fit.image(each).transpose(2, 0, 1) for each in pictures])),
+            torch.from_numpy(np.stack([fit.image(each).transpose(2, 0, 1) for each in views])),
             torch.tensor(cam_K, dtype=torch.float32),
             torch.tensor(ego_T_cam, dtype=torch.float32),
             torch.from_numpy(np.stack(depth)),
@@ -152,49 +154,3 @@ class Detector:
             velocity=boxes.velocity,
             sigma=np.exp(boxes.log_variance / 2),
         )
-
-
-def _numpy(value: Any) -> NDArray:
-    return value.detach().cpu().numpy() if isinstance(value, Tensor) else np.asarray(value)
-
-
-def _table(name: str, value: Any, channels: Sequence[str], *, fewest: int) -> NDArray[np.float32]:
-    """Finite rows with all channels (P, C)."""
-    if value is None:
-        return np.zeros((0, len(channels)), np.float32)
-    rows = _numpy(value)
-    if rows.ndim != 2 or not fewest <= rows.shape[1] <= len(channels) or not np.issubdtype(rows.dtype, np.number):
-        raise ValueError(
-            f"detector: {name} of shape {list(rows.shape)} and type {rows.dtype}; give rows of {', '.join(channels)}, the first"
-            f" {fewest} at least"
-        )
-    full = np.zeros((len(rows), len(channels)), np.float32)
-    full[:, : rows.shape[1]] = rows
-    return full[np.isfinite(full).all(axis=1)]
-
-
-def _pictures(images: Any) -> list[NDArray[np.uint8]]:
-    """Images of one size (H, W, 3)."""
-    pictures = [_numpy(each) for each in images] if isinstance(images, list | tuple) else _numpy(images)
-    if not isinstance(pictures, list):
-        pictures = [pictures] if pictures.ndim == 3 else list(pictures)
-    shapes = sorted({each.shape for each in pictures})
-    if len(shapes) != 1 or len(shapes[0]) != 3 or shapes[0][2] != 3 or pictures[0].dtype != np.uint8:
-        types = sorted({str(each.dtype) for each in pictures})
-        raise ValueError(
-            f"detector: images of shapes {[list(shape) for shape in shapes]} and types {types}; give (N, H, W, 3) uint8 RGB of"
-            " one size"
-        )
-    return [np.ascontiguousarray(each) for each in pictures]
-
-
-def _matrices(name: str, value: Any, size: int, count: int) -> NDArray[np.float64]:
-    """One finite matrix for each camera."""
-    found = _numpy(value).astype(float)
-    found = found[None] if found.ndim == 2 else found
-    if found.shape != (count, size, size) or not np.isfinite(found).all():
-        raise ValueError(
-            f"detector: {name} of shape {list(found.shape)}; give {[count, size, size]}, finite: a matrix for each of {count}"
-            " images"
-        )
-    return found

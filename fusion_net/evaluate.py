@@ -1,7 +1,6 @@
 """Scores a run: its own settings and weights, every subset of sensors, tables and pictures beside it."""
 
 import json
-import math
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -35,6 +34,7 @@ from fusion_net.reports.evaluation.page import REPORT, write_report
 from fusion_net.reports.plots import plot_drop_table
 from fusion_net.reports.run_result import RESULT, run_result, write_result
 from fusion_net.reports.tables import as_text, document, write_drop_table
+from fusion_net.runs.checks import check_evaluation
 from fusion_net.runs.late import adapted
 from fusion_net.runs.run_dir import cut_short, environment, refuse_other_data
 from fusion_net.runs.trained import Trained, ship, trained_of, trained_run
@@ -79,7 +79,7 @@ def open_samples(
 def evaluate_run(cfg: DictConfig) -> None:
     """What ``eval.py`` does: prints the drop table and writes everything into a folder under RUN/eval; of a split without
     labels the result file alone."""
-    _check(cfg)
+    check_evaluation(cfg)
     audits = chosen_audits(cfg.audits)
     trained, changes = adapted(_trained(cfg), cfg.late)
     dataset = open_samples(trained, split=cfg.split, root=cfg.data.root, version=cfg.data.version, fault=cfg.fault)
@@ -185,17 +185,6 @@ def _notes(cfg: DictConfig, trained: Trained, changes: Mapping[str, str]) -> lis
     if changes:
         notes.append("late fusion other than it was trained: " + ", ".join(f"{k}={v}" for k, v in changes.items()))
     return notes
-
-
-def _check(cfg: DictConfig) -> None:
-    """ValueError for settings that no evaluation can have."""
-    for name in ("batch_size", "bootstrap"):
-        if cfg[name] < 1:
-            raise ValueError(f"{name}={cfg[name]} must be at least 1")
-    if cfg.audit_gate is not None and not 0 < cfg.audit_gate < math.inf:
-        raise ValueError(f"audit_gate={cfg.audit_gate} must be a finite number of metres above 0; try audit_gate=2")
-    if cfg.ship and not cfg.ship.endswith(".pt"):
-        raise ValueError(f"ship={cfg.ship} is no file of weights; end it with .pt")
 
 
 def lift_by(model: nn.Module, depth_source: str) -> None:

@@ -12,7 +12,7 @@ from hydra.core.hydra_config import HydraConfig
 from hydra.types import RunMode
 from lightning.pytorch.loggers import TensorBoardLogger
 from lightning.pytorch.strategies import StrategyRegistry
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig
 from torch.utils.data import DataLoader
 
 from fusion_net.common.checks import check_names
@@ -25,6 +25,8 @@ from fusion_net.evaluation.drop_table import SUBSETS
 from fusion_net.evaluation.scoring import ground_truth
 from fusion_net.models.fusion_net import FusionNet
 from fusion_net.models.precision import autocast, resolve
+from fusion_net.runs.checkpoints import resume_step
+from fusion_net.runs.checks import check_training
 from fusion_net.runs.late import (
     calibrate_checkpoints,
     chosen_detectors,
@@ -33,7 +35,7 @@ from fusion_net.runs.late import (
     take_weights,
     with_detectors,
 )
-from fusion_net.runs.run_dir import NONFINITE, mark_finished, open_run, resume_step, run_folder
+from fusion_net.runs.run_dir import NONFINITE, mark_finished, open_run, run_folder
 from fusion_net.runs.trained import initialise
 from fusion_net.training.callbacks import LOG_EVERY, MetricsCSV, PlanCallback
 from fusion_net.training.interruption import Interruption, handlers_restored
@@ -49,7 +51,7 @@ def fit(cfg: DictConfig) -> Path:
     """Trains what the config describes; returns the run's folder. Mistakes in it, and data that cannot be read or does not
     suit the model, raise before anything is written. Ctrl-C and SIGTERM let the step end first and write
     ``checkpoints/last.ckpt``, from which ``resume=true`` goes on as if nothing had been, to the bit."""
-    _check(cfg)
+    check_training(cfg)
     cfg = with_detectors(cfg)
     pl.seed_everything(cfg.seed, verbose=False)
     keep_memory()
@@ -121,19 +123,6 @@ def fit(cfg: DictConfig) -> Path:
         else:
             print(f"done; score it with: {command_line('eval.py', run=folder)}")
     return folder
-
-
-def _check(cfg: DictConfig) -> None:
-    """ValueError for numbers that no run can have."""
-    if not 0 <= cfg.seed < 2**32:
-        raise ValueError(f"seed={cfg.seed} is not within 0 and 2**32 - 1")
-    for name in ("batch_size", "validate_every", "save_every"):
-        if cfg.trainer[name] < 1:
-            raise ValueError(f"trainer.{name}={cfg.trainer[name]} must be at least 1")
-    if cfg.painting != "learned" and OmegaConf.select(cfg, "model.encoders.camera.painting") is None:
-        raise ValueError(f"painting={cfg.painting}: this model paints no points; add model=early")
-    if cfg.dataset.workers < 0:
-        raise ValueError(f"dataset.workers={cfg.dataset.workers} is not a number of processes; 0 reads in this one")
 
 
 def _datasets(cfg: DictConfig) -> tuple[NuScenesDataset, NuScenesDataset]:

@@ -22,7 +22,8 @@ from fusion_net.models.encoders.camera_encoder import CameraEncoder
 from fusion_net.models.encoders.image_network import ImageNetwork
 from fusion_net.models.precision import autocast
 from fusion_net.nuscenes.nuscenes import NuScenes
-from fusion_net.runs.trained import SHIPPED, Trained, shipped, trained_run
+from fusion_net.runs.sources import SHIPPED
+from fusion_net.runs.trained import Trained, shipped, trained_run
 
 PARTS: dict[str, type[nn.Module]] = {"image": ImageNetwork, "decoder": BEVDecoder, "head": CenterHead}
 """What is watched of a detector, at whatever level it fuses, beside the encoder of each modality. An encoder's time includes

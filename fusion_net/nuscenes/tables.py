@@ -18,9 +18,7 @@ LONGEST = 80
 
 def version_folder(root: Path, version: str | None = None) -> Path:
     """The folder ``v1.0-*`` of tables of a data set that is whole: the one of this name, or the only one."""
-    if not root.is_dir() or not any(root.iterdir()):
-        make = command_line("-m data_gen", data="nano", data__root=root)
-        raise ValueError(f"no data in {root}; make some: {make}")
+    refuse_no_data(root)
     about = manifest(root)
     if not about.get("complete", True):
         command = generating_command(root, about) or "give the command that made it again"
@@ -41,6 +39,13 @@ def version_folder(root: Path, version: str | None = None) -> Path:
     if missing:
         raise ValueError(f"{folder} lacks {', '.join(f'{name}.json' for name in missing)}; {repair_advice(root)}")
     return folder
+
+
+def refuse_no_data(root: Path) -> None:
+    """ValueError where a folder of data is not there, or is empty."""
+    if not root.is_dir() or not any(root.iterdir()):
+        make = command_line("-m data_gen", data="nano", data__root=root)
+        raise ValueError(f"no data in {root}; make some: {make}")
 
 
 def versions(root: Path) -> list[str]:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fusion_net.common.atomic import replacing
-from fusion_net.reports.tables import name_of
+from fusion_net.common.modalities import letters
 
 RESULT = "eval/result.json"
 """Where a run keeps the one of its own validation."""
@@ -23,7 +23,7 @@ def run_result(
 ) -> dict[str, Any]:
     """What is kept. ``record``: what the run was; ``doc``: its drop table as ``drop_table.json`` holds it; ``resampled``
     (7, R): mAP of each row on each resample of the scenes; ``scored``: on which data, split and checkpoint."""
-    names = [name_of(row["sensors"]) for row in doc["rows"]]
+    names = [letters(row["sensors"]) for row in doc["rows"]]
     rows = [{key: value for key, value in row.items() if key not in DROPPED} for row in doc["rows"]]
     counts = np.rint(SCALE * resampled).astype(int).tolist()
     return record | {

@@ -21,7 +21,8 @@ from fusion_net.evaluation.late_calibration import calibrate
 from fusion_net.models.late.late_fusion import LateFusion, one_sensor
 from fusion_net.models.precision import autocast
 from fusion_net.models.weights_file import fit_weights
-from fusion_net.runs.run_dir import model_weights, read_checkpoint
+from fusion_net.runs.checkpoints import model_weights, read_checkpoint
+from fusion_net.runs.sources import names_weights
 from fusion_net.runs.trained import Trained, shipped, trained_run
 
 FITTED = ("calibration.", "prior")
@@ -85,9 +86,8 @@ def _part(name: str, source: str, cfg: DictConfig) -> tuple[dict[str, Any], Mapp
     where = f"late.detectors.{name}={source}"
     if name not in cfg.encoders:
         raise ValueError(f"{where}: this model has no {name}; its sensors are {', '.join(cfg.encoders)}")
-    is_file = source.endswith(".pt") or "/" not in source
     try:
-        trained = shipped(source) if is_file else trained_run(Path(source), "best")
+        trained = shipped(source) if names_weights(source) else trained_run(Path(source), "best")
     except (ValueError, FileNotFoundError) as error:
         raise ValueError(f"{where}: {error}") from error
     _check_same(where, trained.cfg, cfg, name)

@@ -1,4 +1,5 @@
-"""The folder of one run: its settings, surroundings and checkpoints, written once and never overwritten unasked."""
+"""The folder of one run: its settings and surroundings, written once and never overwritten unasked. Its checkpoints are read
+in :mod:`fusion_net.runs.checkpoints`, so that what is said of a folder needs no torch."""
 
 import json
 import os
@@ -8,17 +9,16 @@ import shlex
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import torch
 from omegaconf import DictConfig, OmegaConf
 from yaml import YAMLError
 
 from fusion_net.common.atomic import replacing
 from fusion_net.common.cli.command_line import command_line, job_number, job_overrides
 from fusion_net.common.settings import differences
-from fusion_net.models.weights_file import fit_weights
 from fusion_net.reports.run_result import RESULT
 
 LONGEST_NAME = 200
@@ -56,17 +56,10 @@ def open_run(folder: Path, cfg: DictConfig, *, resume: bool, overwrite: bool, da
     its first checkpoint starts again.
     """
     goes_on = resume and (folder / "checkpoints" / "last.ckpt").exists()
-    if folder.exists() and not folder.is_dir():
-        raise ValueError(f"{folder} is a file, not a run's folder; pass name=ANOTHER")
+    refuse_folder(folder, resume=resume, overwrite=overwrite)
     if resume:
-        if not (folder / "config.yaml").exists():
-            raise ValueError(f"nothing to resume: there is no run {folder}; drop resume=true to start it")
         _refuse_other_settings(folder, cfg)
         refuse_other_data(folder, data)
-    elif (folder / "config.yaml").exists() and not overwrite:
-        raise ValueError(
-            f"{folder} exists; pass name=ANOTHER, resume=true to go on, or overwrite=true to start it again"
-        )
     if not goes_on:
         for old in ("metrics.csv", "checkpoints/last.ckpt", "checkpoints/best.ckpt", RESULT, NONFINITE):
             (folder / old).unlink(missing_ok=True)
@@ -75,6 +68,19 @@ def open_run(folder: Path, cfg: DictConfig, *, resume: bool, overwrite: bool, da
     job = {"overrides": job_overrides(), "job": job_number()}
     _write_surroundings(folder, environment() | job | {"data": list(data)})
     return folder
+
+
+def refuse_folder(folder: Path, *, resume: bool, overwrite: bool) -> None:
+    """ValueError where a run cannot begin in this folder, or not be resumed there."""
+    if folder.exists() and not folder.is_dir():
+        raise ValueError(f"{folder} is a file, not a run's folder; pass name=ANOTHER")
+    is_there = (folder / "config.yaml").exists()
+    if resume and not is_there:
+        raise ValueError(f"nothing to resume: there is no run {folder}; drop resume=true to start it")
+    if is_there and not resume and not overwrite:
+        raise ValueError(
+            f"{folder} exists; pass name=ANOTHER, resume=true to go on, or overwrite=true to start it again"
+        )
 
 
 def mark_finished(folder: Path, *, steps: int, planned: int) -> None:
@@ -117,9 +123,9 @@ def load_config(folder: Path) -> DictConfig:
     path = folder / "config.yaml"
     if not path.exists():
         near = sorted(p.parent.name for p in folder.parent.glob("*/config.yaml")) if folder.parent.is_dir() else []
-        train = command_line("train.py", experiment="nano", name=folder.name or "mine")
-        known = f"there are {', '.join(near)}" if near else f"train one: {train}"
-        raise FileNotFoundError(f"no run at {folder}; {known}")
+        known = f"there are {', '.join(near)}; " if near else ""
+        name = folder.as_posix().removeprefix("runs/") if folder.parts[:1] == ("runs",) else folder.name
+        raise FileNotFoundError(f"no run at {folder}; {known}train it: {command_line('train.py', name=name or 'mine')}")
     try:
         loaded = OmegaConf.load(path)
     except (YAMLError, UnicodeDecodeError) as error:
@@ -150,44 +156,9 @@ def renewed(settings: Any) -> Any:
     return settings
 
 
-def load_weights(model: torch.nn.Module, checkpoint: Path) -> None:
-    """Loads a checkpoint's model into ``model``. ValueError when it belongs to another model or is damaged."""
-    fit_weights(model, model_weights(read_checkpoint(checkpoint)), checkpoint)
-
-
-def resume_step(model: torch.nn.Module, checkpoint: Path) -> int:
-    """The step that a checkpoint was written at. ValueError when it belongs to another model or is damaged."""
-    state = read_checkpoint(checkpoint)
-    fit_weights(model, model_weights(state), checkpoint)
-    return int(state["global_step"])
-
-
-def read_checkpoint(checkpoint: Path) -> dict[str, Any]:
-    """What Lightning wrote. FileNotFoundError or ValueError when it is missing or damaged."""
-    if not checkpoint.exists():
-        others = sorted(p.name for p in checkpoint.parent.glob("*.ckpt"))
-        known = f"there are {', '.join(others)}: pass checkpoint={Path(others[0]).stem}" if others else "there are none"
-        raise FileNotFoundError(f"no checkpoint {checkpoint}; {known}")
-    try:
-        state = torch.load(checkpoint, map_location="cpu", weights_only=True)
-        state["state_dict"].keys()
-        return state
-    except Exception as error:  # torch raises many kinds for a truncated or foreign file
-        raise ValueError(
-            f"{checkpoint} is not a readable checkpoint ({type(error).__name__}); train the run again"
-        ) from error
-
-
-def model_weights(checkpoint_state: dict[str, Any]) -> dict[str, torch.Tensor]:
-    """The averaged weights of the model in a checkpoint."""
-    state = checkpoint_state["state_dict"]
-    return {key.removeprefix("model."): value for key, value in state.items() if key.startswith("model.")}
-
-
 def environment() -> dict[str, Any]:
     """What a result depends on beside its settings: code, versions, processor."""
-    import lightning
-    import numpy
+    import torch
 
     typed = [word for word in sys.argv[1:] if not word.startswith("hydra.job.config.")]  # which the command line added
     return {
@@ -195,8 +166,8 @@ def environment() -> dict[str, Any]:
         "git": git_revision(),
         "python": platform.python_version(),
         "torch": torch.__version__,
-        "lightning": lightning.__version__,
-        "numpy": numpy.__version__,
+        "lightning": version("lightning"),  # to import it takes seconds
+        "numpy": version("numpy"),
         "processor": _processor(),
         "cores": os.cpu_count(),
         "threads": torch.get_num_threads(),

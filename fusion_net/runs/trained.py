@@ -9,25 +9,13 @@ from omegaconf import DictConfig, OmegaConf
 from torch import Tensor
 
 from fusion_net.common.cli.command import build
-from fusion_net.common.cli.command_line import command_line
 from fusion_net.common.cli.composed import composed
-from fusion_net.common.cli.overrides import CONFIGS
 from fusion_net.models.fusion_net import FusionNet
 from fusion_net.models.weights_file import compact, fit_weights, read_weights, write_weights
-from fusion_net.runs.run_dir import (
-    ABOUT_THE_FOLDER,
-    load_config,
-    load_weights,
-    model_weights,
-    read_checkpoint,
-    renewed,
-    surroundings,
-)
-
-SHIPPED = CONFIGS.parent / "checkpoints"
-"""Where ``checkpoint=nano`` and ``init=nano`` find ``nano.pt``."""
-OF_A_RUN = ("best", "last")
-"""Checkpoints that every run has; another name without a run is of shipped weights."""
+from fusion_net.runs.checkpoints import load_weights, model_weights, read_checkpoint
+from fusion_net.runs.checks import check_init
+from fusion_net.runs.run_dir import ABOUT_THE_FOLDER, load_config, renewed, surroundings
+from fusion_net.runs.sources import EVALUATIONS, checkpoint_path, shipped_path, source_of
 
 
 @dataclass(frozen=True)
@@ -58,15 +46,14 @@ class Trained:
 
 def trained_of(cfg: DictConfig) -> Trained:
     """What a command's ``run`` and ``checkpoint`` name: a run's checkpoint, or without a run shipped weights."""
-    if OmegaConf.is_missing(cfg, "run") and cfg.checkpoint not in OF_A_RUN:
-        return shipped(cfg.checkpoint)
-    return trained_run(Path(cfg.run), cfg.checkpoint)
+    source_of(cfg)
+    return shipped(cfg.checkpoint) if OmegaConf.is_missing(cfg, "run") else trained_run(Path(cfg.run), cfg.checkpoint)
 
 
 def trained_run(folder: Path, checkpoint: str) -> Trained:
     """The detector in ``RUN/checkpoints/CHECKPOINT.ckpt``."""
+    path = checkpoint_path(folder, checkpoint)
     cfg = load_config(folder)
-    path = folder / "checkpoints" / f"{checkpoint}.ckpt"
     return Trained(folder, path, cfg, model_weights(read_checkpoint(path)), run_record(folder, cfg))
 
 
@@ -74,31 +61,20 @@ def shipped(name: str) -> Trained:
     """The detector of ``checkpoints/NAME.pt``, or of a file by its path; evaluations go below ``runs/checkpoints/NAME``."""
     path = shipped_path(name)
     held = read_weights(path)
-    cfg = OmegaConf.create(renewed(held["config"]))
-    return Trained(Path("runs/checkpoints") / path.stem, path, cfg, held["weights"], held["record"])
-
-
-def shipped_path(name: str) -> Path:
-    """The file of shipped weights that a name or a path means. FileNotFoundError when there is none."""
-    path = Path(name) if "/" in name or name.endswith((".pt", ".ckpt")) else SHIPPED / f"{name}.pt"
-    if not path.is_file():
-        known = ", ".join(sorted(file.stem for file in SHIPPED.glob("*.pt"))) or "none"
-        make = command_line("eval.py", run="runs/NAME", ship=f"checkpoints/{Path(name).stem}.pt")
-        raise FileNotFoundError(
-            f"no shipped weights {name}; there are {known}, and files are named by their path; of a run: {make}"
-        )
-    return path
+    return Trained(
+        EVALUATIONS / path.stem, path, OmegaConf.create(renewed(held["config"])), held["weights"], held["record"]
+    )
 
 
 def initialise(model: FusionNet, name: str) -> None:
     """Loads shipped weights, or a run's checkpoint by its path, into a model that is to be trained further."""
+    path = check_init(name)
     try:
-        path = shipped_path(name)
         if path.suffix == ".ckpt":
             load_weights(model, path)
         else:
             fit_weights(model, read_weights(path)["weights"], path)
-    except (ValueError, FileNotFoundError) as error:
+    except ValueError as error:
         raise ValueError(f"init={name}: {error}") from error
 
 

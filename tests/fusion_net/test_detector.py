@@ -5,8 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from fusion_net.common.cli.command import build
+from fusion_net.common.geometry import from_rpy
 from fusion_net.common.nuscenes_format import MODALITIES
 from fusion_net.data.datamodule import make_loader
 from fusion_net.detector import Calibration, Detections, Detector
@@ -14,7 +17,9 @@ from fusion_net.evaluate import open_samples
 from fusion_net.evaluation.drop_table import predict
 from fusion_net.runs.run_dir import open_run
 from fusion_net.runs.trained import trained_run
-from tests.fixtures.training_setup import settings, write_data
+from tests.fixtures.tiny_tree import CAM_K, OPTICAL
+from tests.fixtures.training_setup import settings as run_settings
+from tests.fixtures.training_setup import write_data
 
 ARRAYS = {"camera": "images", "lidar": "points", "radar": "radar"}
 
@@ -27,7 +32,7 @@ def folder(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(place)
         torch.manual_seed(0)
-        cfg = settings(data)
+        cfg = run_settings(data)
         folder = open_run(Path("runs/mini"), cfg, resume=False, overwrite=False)
         model = build(cfg.model, "model")
         weights = {f"model.{name}": value for name, value in model.state_dict().items()}
@@ -103,7 +108,30 @@ def test_no_return_is_no_mistake(detector):
     nothing = detector(points=np.zeros((0, 5)), radar=np.zeros((0, 7)))
     assert isinstance(nothing, Detections)
     assert np.isfinite(nothing.center).all()
-    assert len(detector(points=np.full((4, 5), np.nan))) == len(detector(points=np.zeros((0, 3))))
+    assert len(detector()) == len(detector(points=np.zeros((0, 3))))
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    sensors=st.sets(st.sampled_from(["images", "points", "radar"])),
+    cameras=st.integers(1, 3),
+    as_tensor=st.booleans(),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_any_subset_of_the_sensors_gives_boxes(detector, sensors, cameras, as_tensor, seed):
+    rng = np.random.default_rng(seed)
+    whole = {
+        "images": rng.integers(0, 256, (cameras, 48, 80, 3), dtype=np.uint8),
+        "points": rng.uniform([1, -10, -1, 0, 0], [30, 10, 3, 1, 0.5], (rng.integers(200), 5)),
+        "radar": rng.uniform([1, -10, 0, -5, -9, -9, 0], [30, 10, 2, 30, 9, 9, 0.2], (rng.integers(30), 7)),
+    }
+    given_arrays = {name: torch.from_numpy(whole[name]) if as_tensor else whole[name] for name in sensors}
+    pose = from_rpy(0.01, 0.03, 0.4, (1.7, 0.1, 1.5)) @ OPTICAL
+    found = detector(**given_arrays, calibration=Calibration([CAM_K] * cameras, [pose] * cameras))
+    assert set(found.name) <= set(detector.classes)
+    assert all(
+        np.isfinite(getattr(found, name)).all() for name in ("score", "center", "wlh", "yaw", "velocity", "sigma")
+    )
 
 
 def test_boxes_can_be_picked(detector, dataset):
@@ -116,22 +144,78 @@ def test_boxes_can_be_picked(detector, dataset):
     assert detector.sensors == list(MODALITIES)
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"images": None, "points": None, "radar": None}, "give at least one of images, points and radar"),
-        ({"calibration": None}, "images need calibration=Calibration"),
-        ({"images": np.zeros((2, 48, 80, 3))}, "uint8 RGB"),
-        ({"images": np.zeros((2, 3, 48, 80), np.uint8)}, r"images of shapes \[\[3, 48, 80\]\]"),
-        ({"images": np.zeros((1, 48, 80, 3), np.uint8)}, "a matrix for each of 1 images"),
-        ({"points": np.zeros((5, 2))}, "points of shape .5, 2.* x, y, z, intensity, dt, the first 3"),
-        ({"radar": np.zeros(7)}, "radar of shape .7. .* the first 6"),
-        ({"calibration": Calibration(np.eye(3), np.eye(3))}, r"cam_K of shape \[1, 3, 3\]; give \[2, 3, 3\]"),
-    ],
-)
-def test_mistakes_are_named(detector, dataset, change, message):
-    with pytest.raises(ValueError, match=message):
+def posed(**parts):
+    """A pose of two cameras, with parts of the first other than they must be."""
+    pose = np.stack([from_rpy(0.01, 0.03, 0.4, (1.7, 0.1, 1.5)) @ OPTICAL] * 2)
+    for place, value in parts.values():
+        pose[(0, *place)] = value
+    return pose
+
+
+TURNED = posed()[0, :3, :3]
+IMAGES = np.zeros((2, 48, 80, 3), np.uint8)
+MISTAKES = [
+    ({"calibration": None}, "images need calibration=Calibration"),
+    (
+        {"images": IMAGES.astype(float)},
+        r"images of shapes \(48, 80, 3\) and types float64, .* np.uint8\(255 \* images\)",
+    ),
+    ({"images": IMAGES + 200.0}, r"values up to 200; give uint8 from 0 to 255: np.uint8\(images\)"),
+    ({"images": np.zeros((2, 3, 48, 80), np.uint8)}, r"channels first; .*np.moveaxis\(images, -3, -1\)"),
+    ({"images": [IMAGES[0], IMAGES[0, :40]]}, "all cameras need one size"),
+    ({"images": IMAGES[..., 0]}, r"shapes \(48, 80\) and types uint8; give \(N, H, W, 3\) uint8 RGB"),
+    ({"images": []}, "images holds none"),
+    ({"images": IMAGES[:1]}, "a matrix for each of 1 images"),
+    ({"points": np.zeros((5, 2))}, "points of shape .5, 2.* x, y, z, intensity, dt, the first 3"),
+    ({"points": np.array([["a"] * 4])}, "points of shape .1, 4. and type <U1; give rows of x, y, z"),
+    ({"points": [[9, 1, 0, 40.0]]}, r"intensities \(column 3\) from 40 to 40, .* \[0, 1\]; divide those of nuScenes"),
+    ({"points": [[9, 1, 0, -0.5]]}, "intensities .* from -0.5 to -0.5"),
+    ({"points": [[9, 1, 0, 0.5, 31]]}, r"points have ages \(column 4\) up to 31 s; give the reference time minus"),
+    (
+        {"points": [[9, 1, 0], [9, np.nan, 0]]},
+        r"points has 1 of 2 rows that are not finite, the first is row 1; leave them",
+    ),
+    ({"radar": np.zeros(7)}, "radar of shape .7. .* the first 6"),
+    ({"radar": np.zeros((3, 18))}, r"radar of shape \[3, 18\] .* rows of x, y, z, rcs, vx, vy, dt, the first 6"),
+    ({"radar": [[9, 1, 0, 3, np.inf, 0]]}, r"radar has 1 of 1 rows that are not finite, the first is row 0"),
+    ({"radar": [[9, 1, 0, 3, 0, 0, 1.7e9]]}, r"radar have ages \(column 6\) up to 1.7e\+09 s"),
+    ({"calibration": Calibration(np.eye(3), np.eye(3))}, r"cam_K of shape \[1, 3, 3\]; give \[2, 3, 3\]"),
+    (
+        {"calibration": Calibration([CAM_K, np.zeros((3, 3))], posed())},
+        "cam_K of camera 1 is no pinhole matrix; .* fx, 0, cx",
+    ),
+    ({"calibration": Calibration([CAM_K.T, CAM_K], posed())}, "cam_K of camera 0 is no pinhole matrix"),
+    ({"calibration": Calibration([CAM_K, CAM_K * np.nan], posed())}, "cam_K of camera 1 is not finite"),
+    ({"calibration": Calibration("nano", posed())}, "cam_K is of type <U4; give numbers of shape"),
+    (
+        {"calibration": Calibration([CAM_K] * 2, posed(a=((3, 0), 1.7)))},
+        r"camera 0 has the last row \[1.7, 0.0, 0.0, 1.0\]",
+    ),
+    (
+        {"calibration": Calibration([CAM_K] * 2, posed().swapaxes(1, 2))},
+        r"must be \[0, 0, 0, 1\]; it may be transposed",
+    ),
+    (
+        {"calibration": Calibration([CAM_K] * 2, posed(a=(np.s_[:3, :3], 2 * TURNED)))},
+        r"no rotation .* \[2.0, 2.0, 2.0\]",
+    ),
+    ({"calibration": Calibration([CAM_K] * 2, posed(a=(np.s_[:3, :3], -TURNED)))}, "camera 0 mirrors"),
+]
+
+
+@pytest.mark.parametrize(("change", "message"), MISTAKES, ids=[message[:40] for _, message in MISTAKES])
+def test_mistakes_are_named_in_one_line(detector, dataset, change, message):
+    with pytest.raises(ValueError, match=message) as error:
         detector(**arrays(dataset[0]) | change)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("calibration", [{"cam_K": CAM_K}, (CAM_K, np.eye(4))])
+def test_a_calibration_is_a_calibration(detector, dataset, calibration):
+    with pytest.raises(
+        TypeError, match=r"calibration is a (dict|tuple); give Calibration\(cam_K=\.\.\., ego_T_cam=\.\.\.\)"
+    ):
+        detector(**arrays(dataset[0]) | {"calibration": calibration})
 
 
 def test_a_network_says_which_sensors_it_takes(folder, dataset):
@@ -145,3 +229,10 @@ def test_a_network_says_which_sensors_it_takes(folder, dataset):
 def test_weights_that_are_not_there_are_named():
     with pytest.raises(FileNotFoundError, match="no shipped weights nonsense"):
         Detector.load("nonsense")
+
+
+def test_a_folder_is_taken_for_a_run(folder, monkeypatch):
+    monkeypatch.chdir(folder.parents[1])
+    answer = r"no run at runs/nothing; there are mini; train it: python train\.py name=nothing"
+    with pytest.raises(FileNotFoundError, match=answer):
+        Detector.load("runs/nothing")

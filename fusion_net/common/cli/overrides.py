@@ -204,7 +204,7 @@ class Settings:
         return found
 
     def _unknown(self, kind: str, key: str) -> str:
-        for name, command in COMMANDS.items():
+        for name, command in COMMANDS.items() if _is_written(key) else ():
             if name != self.command and key in set(keys(Settings(name, None, []).cfg)):
                 return f"{COMMANDS[self.command]} does not read '{key}'; it is a setting of {command}"
         options = (self.known | self.used) - {key}
@@ -225,6 +225,13 @@ def _composed(config_name: str, *overrides: str) -> DictConfig:
             raise UserError(str(error).splitlines()[0]) from error
         except (YAMLError, UnicodeDecodeError, OmegaConfBaseException) as error:
             raise UserError(f"a file of settings cannot be read: {error}") from error
+
+
+def _is_written(key: str) -> bool:
+    """Whether any file of the project sets a key of this last name: composing the settings of every command takes seconds,
+    which a misspelt one can be spared."""
+    is_set = re.compile(rf"\b{re.escape(key.rpartition('.')[2])}:")
+    return any(is_set.search(path.read_text(encoding="utf-8")) for path in CONFIGS.glob("**/*.yaml"))
 
 
 def _groups(folders: list[Path]) -> dict[str, list[str]]:

@@ -7,12 +7,11 @@ from os.path import commonpath
 from pathlib import Path
 from typing import Any
 
-from fusion_net.common.cli.command_line import command_line
 from fusion_net.reports.ablation.compare import difference, refuse_other_data
-from fusion_net.reports.run_result import RESULT, read_result
+from fusion_net.reports.compare.folders import FILES, find_evaluations
+from fusion_net.reports.run_result import read_result
 from fusion_net.reports.tables import name_of
 
-FILES = (Path(RESULT).name, "report.json", "drop_table.json")
 ABOUT = ("seed", "steps", "minutes", "encoders", "git", "processor", "threads")
 """What of a run's record is shown where it differs, beside its settings."""
 
@@ -39,9 +38,7 @@ class Evaluation:
 
 def read_evaluations(folders: Sequence[str]) -> list[Evaluation]:
     """At least two, all scored on the same samples; FileNotFoundError or ValueError where they are not."""
-    if len(set(folders)) < 2:
-        raise ValueError("name two runs at least: python -m fusion_net.reports.compare runs/A runs/B")
-    places = [_place(Path(folder)) for folder in folders]
+    places = find_evaluations(folders)
     names = [place.parent.as_posix() if place.name == "eval" else place.as_posix() for place in places]
     common = len(commonpath([str(Path(name).parent) for name in names]))
     found = []
@@ -66,17 +63,6 @@ def paired(one: Evaluation, other: Evaluation, name: str) -> Mapping[str, Any]:
     found = difference({0: one.result}, {0: other.result}, name)
     assert found is not None  # of the one seed that both have
     return found
-
-
-def _place(folder: Path) -> Path:
-    """The folder of an evaluation that a run's folder, or its own, means."""
-    for place in (folder, folder / "eval"):
-        if (place / FILES[0]).exists():
-            if missing := [file for file in FILES if not (place / file).exists()]:
-                again = command_line("eval.py", run=folder)
-                raise FileNotFoundError(f"{place} has no {missing[0]}; score it again: {again}")
-            return place
-    raise FileNotFoundError(f"no evaluation in {folder}; score the run: {command_line('eval.py', run=folder)}")
 
 
 def _text(value: Any) -> str:

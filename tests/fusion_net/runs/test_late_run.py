@@ -11,7 +11,7 @@ from hydra import compose, initialize_config_dir
 from fusion_net.common.cli.command import CONFIGS, build
 from fusion_net.evaluate import evaluate_run
 from fusion_net.fit import fit
-from fusion_net.runs import trained
+from fusion_net.runs import sources
 from fusion_net.runs.late import held_out, with_detectors
 from fusion_net.runs.run_dir import is_finished
 from fusion_net.runs.trained import shipped, trained_run
@@ -55,7 +55,7 @@ def place(tmp_path_factory):
 @pytest.fixture
 def here(place, monkeypatch):
     monkeypatch.chdir(place)
-    monkeypatch.setattr(trained, "SHIPPED", place / "checkpoints")
+    monkeypatch.setattr(sources, "SHIPPED", place / "checkpoints")
     return place
 
 
@@ -174,8 +174,8 @@ def test_the_calibration_is_fitted_anew_on_demand(here):
         (["late.detectors.lidar=runs/camera"], r"lidar=runs/camera: it fuses camera in one network; a detector of the"),
         (["late.detectors.lidar=runs/nobody"], r"lidar=runs/nobody: no run at runs/nobody; there are .*base, camera"),
         (["late.detectors.lidar=nothing"], r"lidar=nothing: no shipped weights nothing; there are mini"),
-        (["late.merge=sum"], r"there is no merge=sum; "),
-        (["late.gate=1.0"], r"gate=1\.0 is a probability: above 0 and below 1"),
+        (["late.merge=sum"], r"unknown late\.merge 'sum'; did you mean 'best'\? There are covariance_intersection, "),
+        (["late.gate=1.0"], r"late\.gate=1\.0 is a probability: give a number above 0 and below 1"),
         (["model=mid"], r"late\.detectors\.camera=runs/camera: this model is no late fusion and reads none of late"),
     ],
 )

@@ -5,15 +5,14 @@ import torch
 from omegaconf import OmegaConf
 
 from fusion_net.common.atomic import replacing
+from fusion_net.runs.checkpoints import load_weights, resume_step
 from fusion_net.runs.run_dir import (
     cut_short,
     is_finished,
     load_config,
-    load_weights,
     mark_finished,
     open_run,
     refuse_other_data,
-    resume_step,
     run_folder,
     surroundings,
 )

@@ -12,7 +12,7 @@ from fusion_net.common.cli.command import CONFIGS
 from fusion_net.evaluate import evaluate_run
 from fusion_net.fit import fit
 from fusion_net.reports.run_result import read_result
-from fusion_net.runs import trained
+from fusion_net.runs import sources
 from fusion_net.runs.trained import changed_settings, shipped
 from tests.fixtures.training_setup import settings, write_data
 
@@ -40,7 +40,7 @@ def place(data, tmp_path_factory):
 @pytest.fixture
 def here(place, monkeypatch):
     monkeypatch.chdir(place)
-    monkeypatch.setattr(trained, "SHIPPED", place / "checkpoints")
+    monkeypatch.setattr(sources, "SHIPPED", place / "checkpoints")
     return place
 
 

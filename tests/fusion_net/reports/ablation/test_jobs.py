@@ -6,8 +6,8 @@ import cv2
 import pytest
 from omegaconf import OmegaConf
 
-from fusion_net.reports.ablation.__main__ import write_ablation
 from fusion_net.reports.ablation.jobs import collect, find_jobs
+from fusion_net.reports.ablation.write import write_ablation
 from fusion_net.reports.run_result import read_result, write_result
 from tests.fixtures.run_results import make_result
 

@@ -5,8 +5,8 @@ import shutil
 
 import pytest
 
-from fusion_net.reports.compare.__main__ import write_comparison
 from fusion_net.reports.compare.runs import paired, read_evaluations, settings_apart
+from fusion_net.reports.compare.write import write_comparison
 from tests.fixtures.evaluated_run import evaluate, make_run
 from tests.fixtures.html_page import read_page
 

@@ -12,9 +12,9 @@ import torch
 from fusion_net.common.cli.command import build
 from fusion_net.evaluation.cells.plan import GROUPS
 from fusion_net.reports.levels import measured
-from fusion_net.reports.levels.__main__ import write_levels
 from fusion_net.reports.levels.measured import Asked
 from fusion_net.reports.levels.runs import find_levels, gaps
+from fusion_net.reports.levels.write import write_levels
 from fusion_net.reports.run_result import write_result
 from fusion_net.runs.run_dir import open_run
 from tests.fixtures.run_results import make_result

@@ -13,8 +13,8 @@ from fusion_net.common.cli.command import CONFIGS, build
 from fusion_net.metrics.sample_boxes import SampleBoxes
 from fusion_net.metrics.track_boxes import TrackBoxes
 from fusion_net.metrics.track_paths import Frames
-from fusion_net.reports.tracks.__main__ import report
 from fusion_net.reports.tracks.picture import busiest_scene
+from fusion_net.reports.tracks.write import report
 from fusion_net.runs.run_dir import open_run
 from tests.fixtures.training_setup import settings, write_data
 

@@ -6,8 +6,8 @@ from PIL import Image as Pillow
 
 from fusion_net.common.boxes import Boxes
 from fusion_net.data.datamodule import NuScenesDataset
-from fusion_net.viz.animation.__main__ import places_of, watch, write_gif
 from fusion_net.viz.animation.frame import DEAD, draw_frame, found_labels
+from fusion_net.viz.animation.write import places_of, watch, write_gif
 from fusion_net.viz.picture_sheet import RADAR, WIDTH
 from tests.fixtures.small_model import CLASSES, GRID, small_model
 from tests.fixtures.tiny_tree import write_tree

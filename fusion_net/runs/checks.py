@@ -1,0 +1,87 @@
+"""What a command can be refused for before torch and Lightning are imported, which takes many times as long as all of this."""
+
+import math
+import os
+from pathlib import Path
+
+from omegaconf import DictConfig, OmegaConf
+
+from fusion_net.common.checks import check_names
+from fusion_net.nuscenes.tables import refuse_no_data
+from fusion_net.runs.run_dir import refuse_folder, run_folder
+from fusion_net.runs.sources import shipped_path, source_of
+
+RANKS = ("RANK", "LOCAL_RANK", "NODE_RANK")
+"""Variables with which torchrun and Lightning number the processes of one run."""
+
+
+def check_training(cfg: DictConfig) -> None:
+    """ValueError for settings of ``train.py`` that no run can have, a folder that is taken, and data that is not there."""
+    if not 0 <= cfg.seed < 2**32:
+        raise ValueError(f"seed={cfg.seed} is not within 0 and 2**32 - 1")
+    for name in ("batch_size", "validate_every", "save_every"):
+        if cfg.trainer[name] < 1:
+            raise ValueError(f"trainer.{name}={cfg.trainer[name]} must be at least 1")
+    if cfg.painting != "learned" and OmegaConf.select(cfg, "model.encoders.camera.painting") is None:
+        raise ValueError(f"painting={cfg.painting}: this model paints no points; add model=early")
+    if cfg.dataset.workers < 0:
+        raise ValueError(f"dataset.workers={cfg.dataset.workers} is not a number of processes; 0 reads in this one")
+    if "detectors" in cfg.model:
+        check_late(cfg.late)
+    folder = run_folder(cfg.name)
+    if not any(int(os.environ.get(name, 0)) for name in RANKS):  # the others of a run find its folder open
+        refuse_folder(folder, resume=cfg.resume, overwrite=cfg.overwrite)
+    if cfg.init is not None:
+        check_init(cfg.init)
+    _check_data(cfg)
+
+
+def check_init(name: str) -> Path:
+    """The file that ``init=NAME`` begins with. ValueError when there is none."""
+    try:
+        return shipped_path(name)
+    except FileNotFoundError as error:
+        raise ValueError(f"init={name}: {error}") from error
+
+
+def check_evaluation(cfg: DictConfig) -> None:
+    """ValueError for settings of ``eval.py`` that no evaluation can have; FileNotFoundError where there is nothing to score."""
+    check_counts(cfg)
+    if cfg.audit_gate is not None and not 0 < cfg.audit_gate < math.inf:
+        raise ValueError(f"audit_gate={cfg.audit_gate} must be a finite number of metres above 0; try audit_gate=2")
+    if cfg.ship and not cfg.ship.endswith(".pt"):
+        raise ValueError(f"ship={cfg.ship} is no file of weights; end it with .pt")
+    check_late(cfg.late)
+    source_of(cfg)
+    _check_data(cfg)
+
+
+def check_late(late: DictConfig) -> None:
+    """ValueError for a rule of late fusion that there is not, and for what is no probability. None is as it was trained."""
+    chosen = {key: late[key] for key in ("association", "merge", "score") if late[key] is not None}
+    if chosen:
+        from fusion_net.models.late.fuse import ASSOCIATIONS
+        from fusion_net.models.late.merging import MERGES
+        from fusion_net.models.late.scores import SCORES
+
+        known = {"association": ASSOCIATIONS, "merge": MERGES, "score": SCORES}
+        for key, name in chosen.items():
+            check_names(f"late.{key}", [str(name)], known[key])
+    for key, where in (("gate", "above 0 and below 1"), ("min_probability", "from 0 to 1")):
+        value = 0.5 if late[key] is None else late[key]
+        is_inside = isinstance(value, int | float) and (0 < value < 1 or (key == "min_probability" and value in (0, 1)))
+        if not is_inside or isinstance(value, bool):
+            raise ValueError(f"late.{key}={value} is a probability: give a number {where}")
+
+
+def check_counts(cfg: DictConfig) -> None:
+    """ValueError for batches or resamples of nothing."""
+    for name in ("batch_size", "bootstrap"):
+        if cfg[name] < 1:
+            raise ValueError(f"{name}={cfg[name]} must be at least 1")
+
+
+def _check_data(cfg: DictConfig) -> None:
+    root = cfg.data.root
+    for folder in [root] if isinstance(root, str) else root or []:
+        refuse_no_data(Path(folder))

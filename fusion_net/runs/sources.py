@@ -1,0 +1,75 @@
+"""Which run or file of weights a command means, found without torch: a wrong name is answered before it is imported."""
+
+from pathlib import Path
+
+from omegaconf import DictConfig, OmegaConf
+
+from fusion_net.common.cli.command_line import as_override, command_line
+from fusion_net.common.cli.overrides import CONFIGS
+from fusion_net.runs.run_dir import load_config
+
+SHIPPED = CONFIGS.parent / "checkpoints"
+"""Where ``checkpoint=nano`` and ``init=nano`` find ``nano.pt``."""
+EVALUATIONS = Path("runs/checkpoints")
+"""Where ``eval.py checkpoint=NAME`` writes: below NAME here."""
+OF_A_RUN = ("best", "last")
+"""Checkpoints that every run has; another name without a run is of shipped weights."""
+MOST_NAMED = 4
+"""Runs that a message names."""
+
+
+def source_of(cfg: DictConfig) -> Path:
+    """The checkpoint of a run, or the file of shipped weights, that a command's ``run`` and ``checkpoint`` name. ValueError
+    where they name neither, FileNotFoundError where it is not there."""
+    if not OmegaConf.is_missing(cfg, "run"):
+        return checkpoint_path(Path(cfg.run), cfg.checkpoint)
+    if cfg.checkpoint not in OF_A_RUN:
+        return shipped_path(cfg.checkpoint)
+    found = [f"run={as_override(run.as_posix())}" for run in newest_runs()[:MOST_NAMED]]
+    of_a_run = f"run={found[0].partition('=')[2]}" if found else "run=runs/NAME"
+    others = f" (others, newest first: {', '.join(found[1:])})" if found[1:] else ""
+    shipped = " or ".join(f"checkpoint={name}" for name in shipped_names())
+    raise ValueError(f"run is needed; write {of_a_run}{others}, or take shipped weights: {shipped or 'there are none'}")
+
+
+def newest_runs(folder: Path = Path("runs")) -> list[Path]:
+    """Folders of runs below a folder, the one that was begun last first."""
+    configs = sorted(folder.glob("**/config.yaml"), key=lambda path: path.stat().st_mtime, reverse=True)
+    return [path.parent for path in configs]
+
+
+def checkpoint_path(run: Path, checkpoint: str) -> Path:
+    """``RUN/checkpoints/CHECKPOINT.ckpt``. FileNotFoundError when there is no such run, or it has no such checkpoint."""
+    load_config(run)  # there may be no run at all
+    return found_checkpoint(run / "checkpoints" / f"{checkpoint}.ckpt")
+
+
+def found_checkpoint(path: Path) -> Path:
+    """The path. FileNotFoundError, with the checkpoints beside it, when there is none."""
+    if not path.exists():
+        others = sorted(p.name for p in path.parent.glob("*.ckpt"))
+        known = f"there are {', '.join(others)}: pass checkpoint={Path(others[0]).stem}" if others else "there are none"
+        raise FileNotFoundError(f"no checkpoint {path}; {known}")
+    return path
+
+
+def names_weights(name: str) -> bool:
+    """Whether a name is one of shipped weights or a file of weights; runs are named by their folder: runs/NAME."""
+    return name.endswith((".pt", ".ckpt")) or ("/" not in name and not Path(name).is_dir())
+
+
+def shipped_names() -> list[str]:
+    """What ``checkpoint=`` takes without a run, ``nano`` first."""
+    return sorted((path.stem for path in SHIPPED.glob("*.pt")), key=lambda name: (name != "nano", name))
+
+
+def shipped_path(name: str) -> Path:
+    """The file of shipped weights that a name or a path means. FileNotFoundError when there is none."""
+    path = Path(name) if "/" in name or name.endswith((".pt", ".ckpt")) else SHIPPED / f"{name}.pt"
+    if not path.is_file():
+        make = command_line("eval.py", run="runs/NAME", ship=f"checkpoints/{Path(name).stem}.pt")
+        raise FileNotFoundError(
+            f"no shipped weights {name}; there are {', '.join(shipped_names()) or 'none'}, and files are named by their"
+            f" path; of a run: {make}"
+        )
+    return path

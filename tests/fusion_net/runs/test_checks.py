@@ -1,0 +1,125 @@
+"""What commands are refused for in the process that types them: no run, no weights, no data, wrong rules; and that none of it
+imports torch."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from hydra import compose, initialize_config_dir
+
+from fusion_net.common.cli.command import CONFIGS
+from fusion_net.runs.checks import check_evaluation, check_training
+from fusion_net.runs.sources import newest_runs, shipped_names
+
+
+def composed(name, *overrides):
+    with initialize_config_dir(str(CONFIGS), version_base="1.3"):
+        return compose(name, overrides=list(overrides))
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    """A folder with the runs a, study/b and c, begun in this order, and data that is no more than there."""
+    monkeypatch.chdir(tmp_path)
+    for age, name in ((30, "a"), (20, "study/b"), (10, "c")):
+        folder = tmp_path / "runs" / name
+        (folder / "checkpoints").mkdir(parents=True)
+        (folder / "checkpoints/last.ckpt").touch()
+        (folder / "config.yaml").write_text("seed: 1\n")
+        past = (folder / "config.yaml").stat().st_mtime - age
+        os.utime(folder / "config.yaml", (past, past))
+    (tmp_path / "tree").mkdir()
+    (tmp_path / "tree/manifest.json").write_text("{}")
+    return tmp_path
+
+
+def test_an_evaluation_of_nothing_names_the_newest_runs_and_the_shipped_weights(here):
+    assert [path.as_posix() for path in newest_runs()] == ["runs/c", "runs/study/b", "runs/a"]
+    with pytest.raises(ValueError, match="run is needed") as error:
+        check_evaluation(composed("eval"))
+    assert "write run=runs/c (others, newest first: run=runs/study/b, run=runs/a)" in str(error.value)
+    assert "or take shipped weights: checkpoint=nano or checkpoint=early" in str(error.value)
+    assert shipped_names()[0] == "nano"
+
+
+def test_without_a_run_the_shipped_weights_are_named(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ValueError, match=r"write run=runs/NAME, or take shipped weights: checkpoint=nano"):
+        check_evaluation(composed("eval"))
+
+
+EVALUATIONS = [
+    (["run=runs/none"], r"no run at runs/none; there are a, c; train it: python train\.py name=none"),
+    (["run=runs/study/none"], r"no run at runs/study/none; there are b; train it: python train\.py name=study/none"),
+    (["run=runs/a"], r"no checkpoint runs/a/checkpoints/best\.ckpt; there are last\.ckpt: pass checkpoint=last"),
+    (["checkpoint=nanoo"], "no shipped weights nanoo; there are nano, early"),
+    (
+        ["checkpoint=nano", "data.root=none"],
+        r"no data in none; make some: python -m data_gen data=nano data\.root=none",
+    ),
+    (["checkpoint=nano", "data.root=[tree,none]"], "no data in none"),
+    (["checkpoint=nano", "batch_size=0"], "batch_size=0 must be at least 1"),
+    (
+        ["checkpoint=nano", "late.merge=sum"],
+        r"unknown late\.merge 'sum'; .* There are covariance_intersection, information, ",
+    ),
+    (["checkpoint=nano", "late.merge=5"], r"unknown late\.merge '5'; did you mean"),
+    (["checkpoint=nano", "late.score=noisyor"], r"unknown late\.score 'noisyor'; did you mean 'noisy_or'"),
+    (["checkpoint=nano", "late.association=mahal"], r"late\.association 'mahal'; did you mean 'mahalanobis'"),
+    (["checkpoint=nano", "late.gate=wide"], r"late\.gate=wide is a probability: give a number above 0 and below 1"),
+    (
+        ["checkpoint=nano", "late.min_probability=2"],
+        r"late\.min_probability=2 is a probability: give a number from 0 to 1",
+    ),
+]
+
+
+@pytest.mark.parametrize(("overrides", "answer"), EVALUATIONS, ids=[" ".join(words) for words, _ in EVALUATIONS])
+def test_an_evaluation_is_refused(here, overrides, answer):
+    with pytest.raises((ValueError, FileNotFoundError), match=answer):
+        check_evaluation(composed("eval", *overrides))
+
+
+TRAININGS = [
+    (["name=c", "data.root=tree"], "runs/c exists; pass name=ANOTHER, resume=true"),
+    (["name=new", "data.root=tree", "resume=true"], "nothing to resume: there is no run runs/new"),
+    (["name=new", "data.root=none"], "no data in none; make some"),
+    (["name=new", "data.root=tree", "init=nanoo"], "init=nanoo: no shipped weights nanoo"),
+    (
+        ["name=new", "data.root=tree", "model=late", "late.merge=best_of"],
+        r"unknown late\.merge 'best_of'; did you mean 'best'",
+    ),
+    (["name=new", "data.root=tree", "model=late", "late.gate=1.0"], r"late\.gate=1\.0 is a probability"),
+]
+
+
+@pytest.mark.parametrize(("overrides", "answer"), TRAININGS, ids=[" ".join(words) for words, _ in TRAININGS])
+def test_a_training_is_refused(here, overrides, answer):
+    with pytest.raises(ValueError, match=answer):
+        check_training(composed("train", *overrides))
+
+
+def test_what_can_be_done_is_let_through(here):
+    check_evaluation(composed("eval", "run=runs/c", "checkpoint=last", "late.gate=0.9", "late.merge=best"))
+    check_evaluation(composed("eval", "checkpoint=nano", "data.root=tree", "late.min_probability=0"))
+    check_training(composed("train", "name=new", "data.root=tree", "init=nano"))
+    check_training(composed("train", "name=c", "data.root=tree", "resume=true"))
+
+
+def test_the_other_processes_of_a_run_find_its_folder_open(here, monkeypatch):
+    monkeypatch.setenv("LOCAL_RANK", "1")
+    check_training(composed("train", "name=c", "data.root=tree"))
+
+
+def test_refusals_need_no_torch():
+    """Each of these modules answers a mistake; torch, Lightning and numba take several times as long to import as all of it."""
+    modules = ["runs.checks", "reports.compare.__main__", "reports.compare.folders", "reports.levels.__main__"]
+    modules += ["reports.ablation.__main__", "reports.tracks.__main__", "viz.animation.__main__"]
+    code = f"import sys, {', '.join(f'fusion_net.{name}' for name in modules)}\n"
+    code += "print(*{'torch', 'lightning', 'numba', 'scipy', 'matplotlib', 'cv2'} & {*sys.modules})"
+    found = subprocess.run(
+        [sys.executable, "-c", code], cwd=Path(__file__).parents[3], capture_output=True, text=True, check=True
+    )
+    assert found.stdout.split() == []

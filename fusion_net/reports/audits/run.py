@@ -137,7 +137,7 @@ class Auditor:
         """The views of each two sensors that are to lie on each other, sample by sample."""
         network = next((part for part in self.model.modules() if isinstance(part, ImageNetwork)), None)
         alone = {name: self.table.found[SUBSETS.index((name,))] for name in self.sensors}
-        by_token = {}
+        by_token: dict[str, Any] = {}
         for batch in self._batches(len(self.dataset)):
             by_token |= zip(batch.tokens, heat_of_pairs(network, batch, alone), strict=True)
         every = [by_token[token] for token in self.truth.tokens]

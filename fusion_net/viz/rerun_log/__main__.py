@@ -24,7 +24,8 @@ from fusion_net.evaluation.drop_table import SUBSETS, predict
 from fusion_net.models.precision import autocast
 from fusion_net.nuscenes.datasets import open_datasets, samples_of_split
 from fusion_net.nuscenes.nuscenes import NuScenes
-from fusion_net.runs.trained import OF_A_RUN, Trained, trained_of
+from fusion_net.runs.sources import OF_A_RUN
+from fusion_net.runs.trained import Trained, trained_of
 from fusion_net.viz.rerun_log.readings import Scene
 
 ROOT = "data/nano"

@@ -1,12 +1,12 @@
 """``python -m data_gen data=nano``: generates a data set in the nuScenes format."""
 
-import sys
 from pathlib import Path
 from typing import Any, cast
 
 from omegaconf import DictConfig, OmegaConf
 
 from fusion_net.common.cli.command import build, command
+from fusion_net.common.cli.typed import typed_words
 
 
 @command(config_name="data_gen")
@@ -32,7 +32,7 @@ def main(cfg: DictConfig) -> None:
         settings=settings,
         workers=cfg.workers,
         shard=shard,
-        command=without_place(["python", "-m", "data_gen", *sys.argv[1:]]),
+        command=without_place(["python", *typed_words()]),
     )
     counts = manifest["counts"]
     root = shard.folder(Path(data.root)) if shard else data.root

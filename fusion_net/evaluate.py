@@ -33,7 +33,7 @@ from fusion_net.reports.evaluation.figures import Scored
 from fusion_net.reports.evaluation.page import REPORT, write_report
 from fusion_net.reports.plots import plot_drop_table
 from fusion_net.reports.run_result import RESULT, run_result, write_result
-from fusion_net.reports.tables import as_text, document, write_drop_table
+from fusion_net.reports.tables import as_text, document, of_scenes, write_drop_table
 from fusion_net.runs.checks import check_evaluation
 from fusion_net.runs.late import adapted
 from fusion_net.runs.run_dir import cut_short, environment, refuse_other_data
@@ -128,12 +128,17 @@ def evaluate_run(cfg: DictConfig) -> None:
         doc["fault"] = {"name": cfg.fault.name, "severity": cfg.fault.severity}
     if changes:
         doc["late"] = changes
-    doc["notes"] += _notes(cfg, trained, changes)
+    doc["notes"] += [*_notes(cfg, trained, changes), *of_scenes(len(set(truth.scenes)))]
     audit = audit_decoys(truth, dataset.index, table.tables)
     if audit:
         doc["decoys"] = audit
     write_drop_table(target, doc)
-    scored = {"checkpoint": trained.source.name, "data": dataset.fingerprint, "scenes": len(set(truth.scenes))}
+    scored = {
+        "checkpoint": trained.source.name,
+        "data": dataset.fingerprint,
+        "made_by": dataset.made_by,
+        "scenes": len(set(truth.scenes)),
+    }
     result = run_result(trained.record, doc, table.resampled, scored=scored)
     write_result(target / Path(RESULT).name, result)
     decoys.write(target, audit)

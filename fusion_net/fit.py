@@ -99,7 +99,7 @@ def fit(cfg: DictConfig) -> Path:
         with autocast(settings.precision):
             keys = sampler.keys(0)[: settings.batch_size]
             _try(model, train_set.collate([train_set[key] for key in keys]), next(iter(val_batches)))
-        open_run(folder, cfg, data=train_set.fingerprint, resume=cfg.resume, overwrite=cfg.overwrite)
+        open_run(folder, cfg, data=train_set.made_by, resume=cfg.resume, overwrite=cfg.overwrite)
         parameters = sum(p.numel() for p in model.parameters()) / 1e6
         print(f"{folder}: {parameters:.2f} M parameters, {len(places)} training and {len(val_set)} validation samples")
     try:

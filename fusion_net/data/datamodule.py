@@ -24,6 +24,8 @@ from fusion_net.data.samples import Sample, SampleReader, labelled_boxes
 from fusion_net.data.targets import center_targets
 from fusion_net.nuscenes.datasets import open_datasets, samples_of_split
 from fusion_net.nuscenes.nuscenes import NuScenes
+from fusion_net.nuscenes.origin import whole_command
+from fusion_net.nuscenes.tables import manifest
 
 
 @beartype
@@ -83,6 +85,11 @@ class NuScenesDataset(Dataset):
     def fingerprint(self) -> list[str]:
         """Of each data set, whole or in shards, the hash of the settings that it was generated with."""
         return list(dict.fromkeys(nusc.fingerprint for nusc in self.datasets))
+
+    @property
+    def made_by(self) -> dict[str, str]:
+        """By fingerprint the command that makes the data set, shards as one; "" where its manifest does not say."""
+        return {nusc.fingerprint: whole_command(nusc.root, manifest(nusc.root)) for nusc in self.datasets}
 
     def has_labels(self) -> bool:
         """Whether any sample has a labelled object on the grid."""

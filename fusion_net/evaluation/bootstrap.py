@@ -78,6 +78,11 @@ def _average_precisions(hit, sample, num_gt, copies, at_recall, min_precision):
     return ap
 
 
+def over_scenes(values: NDArray[np.float64], scenes: int) -> list[float] | None:
+    """The 95 % interval of values on resamples of so many scenes; None for fewer than two, which tell nothing of others."""
+    return interval(values) if scenes > 1 else None
+
+
 def interval(values: NDArray[np.float64], level: float = 0.95) -> list[float]:
     """[low, high] percentiles that hold ``level`` of the values."""
     tail = 50 * (1 - level)

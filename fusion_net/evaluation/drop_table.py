@@ -16,7 +16,7 @@ from tqdm import tqdm
 from fusion_net.common.boxes import Boxes
 from fusion_net.common.nuscenes_format import MODALITIES
 from fusion_net.data.batch import Batch
-from fusion_net.evaluation.bootstrap import bootstrap_map, interval, resample_scenes
+from fusion_net.evaluation.bootstrap import bootstrap_map, over_scenes, resample_scenes
 from fusion_net.evaluation.random_guess import random_guess
 from fusion_net.evaluation.scoring import GroundTruth
 from fusion_net.metrics.detection import DetectionMetrics
@@ -71,6 +71,7 @@ def drop_table(
         raise ValueError(
             f"drop table: no predictions for {len(missing)} of {len(truth.tokens)} samples, first {missing[0]}"
         )
+    scenes = len(set(truth.scenes))
     copies = resample_scenes(truth.scenes, resamples=resamples, rng=np.random.default_rng(RESAMPLING_SEED))
     tables = [truth.table([boxes[token] for token in truth.tokens]) for boxes in found]
     chance = truth.table(random_guess(truth, rng=np.random.default_rng([seed, 1])))
@@ -80,11 +81,12 @@ def drop_table(
         matches = truth.matches(table)
         resampled.append(bootstrap_map(truth.metric, matches, copies))
         score = truth.metric.summarise(matches)
-        row = {"sensors": list(subset)} | describe(score) | {"mAP_ci95": interval(resampled[-1])}
+        row = {"sensors": list(subset)} | describe(score) | {"mAP_ci95": over_scenes(resampled[-1], scenes)}
         official = truth.official(table)
         row |= {"mAP_official": official.mAP, "NDS_official": official.NDS, "ms_per_sample": ms}
         first = rows[0] if rows else row
-        row |= {"delta_mAP": row["mAP"] - first["mAP"], "delta_mAP_ci95": interval(resampled[-1] - resampled[0])}
+        row |= {"delta_mAP": row["mAP"] - first["mAP"]}
+        row |= {"delta_mAP_ci95": over_scenes(resampled[-1] - resampled[0], scenes)}
         rows.append(row)
     return DropTable(rows[:-1], rows[-1], tables, found, np.stack(resampled[:-1]))
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fusion_net.common.nuscenes_format import VISIBILITY_LEVELS
-from fusion_net.evaluation.bootstrap import bootstrap_map, interval
+from fusion_net.evaluation.bootstrap import bootstrap_map, over_scenes
 from fusion_net.evaluation.scoring import GroundTruth, table_order
 from fusion_net.metrics.matching import ClassMatches
 from fusion_net.metrics.sample_boxes import SampleBoxes
@@ -49,23 +49,29 @@ class GroupScore:
     AP: dict[str, float]
     num_gt: dict[str, int]
     resampled: NDArray[np.float64]  # (R,) mAP on each resample of the scenes; NaN on one without a label of the group
+    scenes: int  # that have a label of the group
+
+    @property
+    def interval(self) -> list[float] | None:
+        """The 95 % interval of mAP; None where only one scene has labels."""
+        return known_interval(self.resampled, self.scenes)
 
     def row(self) -> dict[str, Any]:
         """Plain values for a table, with the 95 % interval."""
         return {
             "group": self.name,
             "mAP": self.mAP,
-            "mAP_ci95": known_interval(self.resampled),
+            "mAP_ci95": self.interval,
             "AP": self.AP,
             "num_gt": self.num_gt,
             "labels": sum(self.num_gt.values()),
         }
 
 
-def known_interval(values: NDArray[np.float64]) -> list[float]:
-    """The 95 % interval of those values (R,) that are known; [0, 0] where none is."""
+def known_interval(values: NDArray[np.float64], scenes: int) -> list[float] | None:
+    """The 95 % interval of those values (R,) that are known, on resamples of so many scenes; None where there is none."""
     known = values[np.isfinite(values)]
-    return interval(known) if len(known) else [0.0, 0.0]
+    return over_scenes(known, scenes) if len(known) else None
 
 
 def condition_of(scene: Record, *, by_severity: bool = False) -> str:
@@ -161,5 +167,6 @@ def score_groups(
         counted = copies @ labels > 0
         resampled[counted] = bootstrap_map(truth.metric, [*there.values()], copies[counted]) if there else np.nan
         num_gt = {kind: int(match.num_gt.sum()) for kind, match in there.items()}
-        scores.append(GroupScore(name, float(np.mean([*ap.values()])) if ap else 0.0, ap, num_gt, resampled))
+        scenes = len(set(truth.scenes[labels > 0]))
+        scores.append(GroupScore(name, float(np.mean([*ap.values()])) if ap else 0.0, ap, num_gt, resampled, scenes))
     return scores

@@ -19,6 +19,8 @@ NOTES = (
     "[..]: 95 % bootstrap interval over scenes; delta: difference from the first row on the same resamples.",
     "ms: forward and decoding of one sample. random: boxes of the labels' own classes and sizes at random places.",
 )
+ENOUGH = 5
+"""Scenes that an interval needs to be printed without a word about it."""
 
 Row = dict[str, Any]
 
@@ -111,7 +113,7 @@ def _flat(row: Row) -> Row:
         if isinstance(value, dict):
             flat |= {f"{key}_{name}": inner for name, inner in value.items()}
         elif key.endswith("_ci95"):
-            flat |= {f"{key}_low": value[0], f"{key}_high": value[1]}
+            flat |= {f"{key}_low": value and value[0], f"{key}_high": value and value[1]}
         elif key != "sensors":
             flat[key] = value
     return flat
@@ -122,9 +124,16 @@ def number(value: float | None) -> str:
     return "-" if value is None else f"{value:.3f}"
 
 
-def interval_text(ends: Sequence[float]) -> str:
-    """Both ends with three decimals."""
-    return f"[{ends[0]:.3f}, {ends[1]:.3f}]"
+def interval_text(ends: Sequence[float] | None, sign: str = "") -> str:
+    """Both ends with three decimals, a dash where there is no interval. ``sign``: "+" shows it."""
+    return f"[{ends[0]:{sign}.3f}, {ends[1]:{sign}.3f}]" if ends else "-"
+
+
+def of_scenes(scenes: int) -> list[str]:
+    """What to say beside intervals over so few scenes; [] where there are enough."""
+    if scenes < 2:
+        return ["one scene: no interval"]
+    return [f"{scenes} scenes: such intervals are rough, and mostly too narrow"] if scenes < ENOUGH else []
 
 
 def aligned(cells: list[list[str]]) -> list[str]:

@@ -5,9 +5,7 @@ import json
 import os
 import platform
 import re
-import shlex
 import subprocess
-import sys
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
@@ -18,6 +16,7 @@ from yaml import YAMLError
 
 from fusion_net.common.atomic import replacing
 from fusion_net.common.cli.command_line import command_line, job_number, job_overrides
+from fusion_net.common.cli.typed import typed_command
 from fusion_net.common.settings import differences
 from fusion_net.reports.run_result import RESULT
 
@@ -49,24 +48,27 @@ def run_folder(name: str) -> Path:
     return runs / text
 
 
-def open_run(folder: Path, cfg: DictConfig, *, resume: bool, overwrite: bool, data: Sequence[str] = ()) -> Path:
+def open_run(
+    folder: Path, cfg: DictConfig, *, resume: bool, overwrite: bool, data: Mapping[str, str] | None = None
+) -> Path:
     """Creates ``folder`` with config.yaml and env.json. ValueError when it exists and neither flag is set.
 
-    ``data``: fingerprints of the data sets that the run is trained on. With ``resume``, a run that was interrupted before
-    its first checkpoint starts again.
+    ``data``: fingerprints of the data sets that the run is trained on, and the command that makes each. With ``resume``, a
+    run that was interrupted before its first checkpoint starts again.
     """
     goes_on = resume and (folder / "checkpoints" / "last.ckpt").exists()
+    data = data or {}
     refuse_folder(folder, resume=resume, overwrite=overwrite)
     if resume:
         _refuse_other_settings(folder, cfg)
-        refuse_other_data(folder, data)
+        refuse_other_data(folder, [*data])
     if not goes_on:
         for old in ("metrics.csv", "checkpoints/last.ckpt", "checkpoints/best.ckpt", RESULT, NONFINITE):
             (folder / old).unlink(missing_ok=True)
     (folder / "checkpoints").mkdir(parents=True, exist_ok=True)
     _write(folder / "config.yaml", OmegaConf.to_yaml(cfg, resolve=True))
     job = {"overrides": job_overrides(), "job": job_number()}
-    _write_surroundings(folder, environment() | job | {"data": list(data)})
+    _write_surroundings(folder, environment() | job | {"data": [*data], "made_by": dict(data)})
     return folder
 
 
@@ -160,9 +162,8 @@ def environment() -> dict[str, Any]:
     """What a result depends on beside its settings: code, versions, processor."""
     import torch
 
-    typed = [word for word in sys.argv[1:] if not word.startswith("hydra.job.config.")]  # which the command line added
     return {
-        "command": shlex.join([Path(sys.argv[0]).name, *typed]),
+        "command": typed_command(),
         "git": git_revision(),
         "python": platform.python_version(),
         "torch": torch.__version__,

@@ -61,9 +61,9 @@ def shipped(name: str) -> Trained:
     """The detector of ``checkpoints/NAME.pt``, or of a file by its path; evaluations go below ``runs/checkpoints/NAME``."""
     path = shipped_path(name)
     held = read_weights(path)
-    return Trained(
-        EVALUATIONS / path.stem, path, OmegaConf.create(renewed(held["config"])), held["weights"], held["record"]
-    )
+    made_by = {each["hash"]: each["command"] for each in held["manifest"] if each.get("command")}
+    record = held["record"] | {"made_by": made_by | (held["record"].get("made_by") or {})}
+    return Trained(EVALUATIONS / path.stem, path, OmegaConf.create(renewed(held["config"])), held["weights"], record)
 
 
 def initialise(model: FusionNet, name: str) -> None:
@@ -99,7 +99,19 @@ def run_record(folder: Path, cfg: DictConfig) -> dict[str, Any]:
     """What a run was, as plain values: ``overrides`` and ``settings`` (those that differ from the default's), steps, minutes of
     training without validation, command, commit, processor, and the hashes of its data."""
     around = surroundings(folder)
-    named = ("overrides", "job", "command", "git", "processor", "cores", "threads", "torch", "data", "planned_steps")
+    named = (
+        "overrides",
+        "job",
+        "command",
+        "git",
+        "processor",
+        "cores",
+        "threads",
+        "torch",
+        "data",
+        "made_by",
+        "planned_steps",
+    )
     record = {"run": folder.as_posix(), "seed": cfg.seed, "encoders": list(cfg.encoders)}
     record |= {name: around.get(name) for name in named} | {"settings": changed_settings(cfg)}
     last = folder / "checkpoints" / "last.ckpt"

@@ -25,6 +25,7 @@ from fusion_net.common.cli.hints import with_floats
 from fusion_net.common.cli.override_values import nearest
 from fusion_net.common.cli.overrides import CONFIGS, check_overrides
 from fusion_net.common.cli.terminal import print_any_text
+from fusion_net.common.cli.typed import note_words
 from fusion_net.common.settings import WHERE_MODULES_ARE
 
 MISTAKES = (ValueError, OSError, HydraException, OmegaConfBaseException, BeartypeCallHintViolation)
@@ -46,6 +47,7 @@ def command(config_name: str) -> Callable[[Callable[[DictConfig], Any]], Callabl
 
         def run() -> None:
             print_any_text()
+            note_words(sys.argv[1:])
             os.environ["HYDRA_FULL_ERROR"] = "1"  # Hydra then raises its own errors instead of printing them
             try:
                 sys.argv[1:] = check_overrides(config_name, sys.argv[1:])

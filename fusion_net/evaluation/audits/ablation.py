@@ -12,7 +12,7 @@ from fusion_net.common.modalities import STYLES
 from fusion_net.common.nuscenes_format import MODALITIES
 from fusion_net.evaluation.audits.result import Audit
 from fusion_net.evaluation.audits.shapley import shapley
-from fusion_net.evaluation.bootstrap import interval
+from fusion_net.evaluation.bootstrap import over_scenes
 from fusion_net.evaluation.drop_table import SUBSETS, DropTable
 from fusion_net.evaluation.scoring import GroundTruth
 from fusion_net.metrics.sample_boxes import SampleBoxes
@@ -48,7 +48,7 @@ def audit_ablation(
     verdict, ok, figures = judge_subsets(table.rows, encoders)
     spread = shapley(dict(zip(SUBSETS, table.resampled, strict=True)))
     for name, value in figures["shapley"].items():
-        value["ci95"] = interval(spread[name])
+        value["ci95"] = over_scenes(spread[name], len(set(truth.scenes)))
     numbers = {
         "subsets": [{key: row[key] for key in ("sensors", "mAP", "mAP_ci95", "NDS")} for row in table.rows],
         **figures,

@@ -59,11 +59,10 @@ def audit_conditions(
     harmful = [each for each in _harm(scored["condition"]) if each["condition"] in judged]
     numbers |= {"left": left, "harm": harmful}
     kept = judged[worst].resampled / np.maximum(judged["clear"].resampled, 1e-9)
-    low, high = known_interval(kept)
     clear, worse = judged["clear"], judged[worst]
-    text = (
-        f"worst in {_words(worst)}: mAP {worse.mAP:.3f}, {100 * left[worst]:.0f} % [{100 * low:.0f}, {100 * high:.0f}]"
-    )
+    ends = known_interval(kept, min(clear.scenes, worse.scenes))
+    text = f"worst in {_words(worst)}: mAP {worse.mAP:.3f}, {100 * left[worst]:.0f} %"
+    text += f" [{100 * ends[0]:.0f}, {100 * ends[1]:.0f}]" if ends else " (one scene: no interval)"
     text += f" of {clear.mAP:.3f} when it is clear"
     for each in harmful:
         text += (
@@ -73,7 +72,7 @@ def audit_conditions(
 
 
 def _row(subset: Sequence[str], score: GroupScore) -> dict[str, Any]:
-    return {"sensors": list(subset), "mAP": score.mAP, "mAP_ci95": known_interval(score.resampled), "AP": score.AP}
+    return {"sensors": list(subset), "mAP": score.mAP, "mAP_ci95": score.interval, "AP": score.AP}
 
 
 def _words(name: str) -> str:
@@ -86,8 +85,8 @@ def _harm(scores: Sequence[Sequence[GroupScore]]) -> list[dict[str, Any]]:
     for subset, by_group in zip(SUBSETS[1:4], scores[1:4], strict=True):
         (without,) = set(SUBSETS[0]) - set(subset)
         for part, whole in zip(by_group, scores[0], strict=True):
-            ends = known_interval(part.resampled - whole.resampled)
-            if part.mAP - whole.mAP > HARM and ends[0] > 0:
+            ends = known_interval(part.resampled - whole.resampled, whole.scenes)
+            if part.mAP - whole.mAP > HARM and ends and ends[0] > 0:
                 found.append(
                     {"condition": part.name, "without": without, "difference": part.mAP - whole.mAP, "ci95": ends}
                 )

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fusion_net.evaluation.bootstrap import bootstrap_map, interval
+from fusion_net.evaluation.bootstrap import bootstrap_map, over_scenes
 from fusion_net.evaluation.breakdown.mistakes import CLASS, HIT, KINDS, PLACE, Judged, falling, judge
 from fusion_net.evaluation.decoys import Bodies
 from fusion_net.metrics.detection import DetectionMetric
@@ -29,9 +29,10 @@ def error_budget(
     *,
     metric: DetectionMetric,
     copies: NDArray[np.int64],
+    scenes: int,
 ) -> dict[str, Any]:
     """``mAP`` as it is, and for each kind of BUDGET: ``gain`` of mAP without it and its 95 % interval over ``copies`` (R, S) of
-    the samples, and ``AP``, the gain of each class. Labels and detections are those that count."""
+    the samples of so many ``scenes``, and ``AP``, the gain of each class. Labels and detections are those that count."""
     judged = judge(labels, found, decoys, metric=metric, num_samples=copies.shape[1])
     order = falling(found)
     as_it_is = [_curves(labels, found, order, each, None, metric, copies.shape[1]) for each in judged]
@@ -45,7 +46,7 @@ def error_budget(
             {
                 "kind": kind,
                 "gain": float(gain.mean()),
-                "gain_ci95": interval(without_resampled - resampled),
+                "gain_ci95": over_scenes(without_resampled - resampled, scenes),
                 "AP": dict(zip(metric.classes, gain.tolist(), strict=True)),
             }
         )

@@ -88,7 +88,7 @@ def _part(score: GroupScore, part: str) -> dict[str, Any]:
     if part == "speed":
         resampled = np.where(np.isnan(score.resampled), score.mAP, score.resampled)  # without a label of these
         return kept | {"resampled": scaled(resampled)}
-    return kept | {"mAP_ci95": [_rounded(end) for end in row["mAP_ci95"]]}
+    return kept | {"mAP_ci95": row["mAP_ci95"] and [_rounded(end) for end in row["mAP_ci95"]]}
 
 
 def _rounded(value: float | None) -> float | None:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fusion_net.common.cli.overrides import CONFIGS
-from fusion_net.evaluation.bootstrap import interval
+from fusion_net.evaluation.bootstrap import over_scenes
 from fusion_net.reports.ablation.jobs import Job
 from fusion_net.reports.run_result import SCALE
 from fusion_net.reports.tables import NAMES, name_of
@@ -21,6 +21,8 @@ DRAWS = 4000
 WHOLE = ("NDS", "mATE", "mASE", "mAOE", "mAVE")
 """Figures of the row with every sensor that a network has."""
 
+OTHERS = "results=null leaves out committed ones"
+
 
 def compare(jobs: Sequence[Job], *, reference: str | None = None) -> dict[str, Any]:
     """The document that tables and charts show. ``reference``: the variant that the others are compared with, by a part of
@@ -28,7 +30,7 @@ def compare(jobs: Sequence[Job], *, reference: str | None = None) -> dict[str, A
     done = [job for job in jobs if job.result is not None]
     if not done:
         raise ValueError(f"no job has a result yet; {len(jobs)} are without, such as {jobs[0].name}: {jobs[0].why}")
-    refuse_other_data({job.name: job.result for job in done if job.result is not None})
+    refuse_other_data({job.name: job.result for job in done if job.result is not None}, advice=OTHERS)
     order = list(dict.fromkeys(job.variant for job in jobs))
     shared = set.intersection(*map(set, order)) if len(order) > 1 else set(order[0])
     labels = {variant: ", ".join(text for text in variant if text not in shared) or "default" for variant in order}
@@ -72,7 +74,7 @@ def _variant(label: str, own: Sequence[Job], everyone: Sequence[Job]) -> dict[st
         "missing": {str(seed): why for seed, why in sorted(missing.items())},
         "sensors": whole,
         "mAP": {
-            name: spread([row[name]["mAP"] for row in rows]) | {"ci95": _interval(_resampled(results, name))}
+            name: spread([row[name]["mAP"] for row in rows]) | {"ci95": _interval(_resampled(results, name), results)}
             for name in shown
         },
         **{name: spread([row[whole][name] for row in rows]) for name in WHOLE},
@@ -103,11 +105,13 @@ def difference(ours: Mapping[int, Any], theirs: Mapping[int, Any], name: str) ->
     ]
     mean = float(np.mean(values[: len(seeds)]) - np.mean(values[len(seeds) :]))
     sides = [_resampled([side[seed] for seed in seeds], name) for side in (ours, theirs)]
-    return {"mean": mean, "ci95": _interval(sides[0] - sides[1]), "n": len(seeds)}
+    return {"mean": mean, "ci95": _interval(sides[0] - sides[1], [*ours.values()]), "n": len(seeds)}
 
 
-def _interval(values: NDArray[np.float64]) -> list[float]:
-    return interval(two_level(values, np.random.default_rng(0)))
+def _interval(values: NDArray[np.float64], results: Sequence[Mapping[str, Any]]) -> list[float] | None:
+    """Of ``values`` (N, R) of N seeds on R resamples of the scenes that all results were scored on."""
+    scenes = results[0]["scored"]["scenes"] if results else 0
+    return over_scenes(two_level(values, np.random.default_rng(0)), scenes)
 
 
 def _resampled(results: Sequence[dict[str, Any]], name: str) -> NDArray[np.float64]:
@@ -135,8 +139,8 @@ def _reference(variants: Sequence[dict[str, Any]], wanted: str | None) -> dict[s
     return near[0]
 
 
-def refuse_other_data(results: Mapping[str, Mapping[str, Any]]) -> None:
-    """Only scores on the same scenes, resampled alike, can be paired. ``results`` by name."""
+def refuse_other_data(results: Mapping[str, Mapping[str, Any]], *, advice: str) -> None:
+    """Only scores on the same scenes, resampled alike, can be paired. ``results`` by name; ``advice``: what to do else."""
     kinds: dict[str, str] = {}
     for name, result in results.items():
         scored, resampled = result["scored"], next(iter(result["mAP_resampled"].values()))
@@ -146,9 +150,7 @@ def refuse_other_data(results: Mapping[str, Mapping[str, Any]]) -> None:
         )
     if len(kinds) > 1:
         (one, first), (other, second) = list(kinds.items())[:2]
-        raise ValueError(
-            f"{first} was scored on {one}, {second} on {other}: they cannot be compared; results=null leaves out committed ones"
-        )
+        raise ValueError(f"{first} was scored on {one}, {second} on {other}: they cannot be compared; {advice}")
 
 
 def _provenance(done: Sequence[Job]) -> dict[str, Any]:

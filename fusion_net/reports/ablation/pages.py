@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from fusion_net.reports.tables import NAMES, UNITS, aligned, piped
+from fusion_net.reports.tables import NAMES, UNITS, aligned, interval_text, piped
 
 NOTES = (
     "Cells: mean over seeds ± standard deviation; n: seeds with a result. mAP by sensors given at evaluation; NDS, errors and"
@@ -77,8 +77,7 @@ def _mean(figure: dict[str, Any] | None, digits: int = 3) -> str:
 def _change(difference: dict[str, Any] | None) -> str:
     if difference is None:
         return "-"
-    low, high = difference["ci95"]
-    return f"{difference['mean']:+.3f} [{low:+.3f}, {high:+.3f}]"
+    return f"{difference['mean']:+.3f} {interval_text(difference['ci95'], '+')}"
 
 
 def about(doc: dict[str, Any]) -> Sequence[str]:

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from fusion_net.reports.plots import COLORS
+from fusion_net.reports.plots import COLORS, whiskers
 from fusion_net.reports.tables import NAMES
 
 
@@ -26,12 +26,11 @@ def plot_ablation(path: Path, doc: dict[str, Any]) -> None:
             score = variant["mAP"].get(name)
             if score is None:
                 continue
-            low, high = score["ci95"]
-            whiskers = np.clip([[score["mean"] - low], [high - score["mean"]]], 0, None)
+            errors = whiskers(np.array([score["mean"]]), [score["ci95"]])
             color = COLORS[name.count("+") + 1]
-            axes.barh(y, score["mean"], height=0.66, color=color, xerr=whiskers, capsize=3, ecolor="#333333")
+            axes.barh(y, score["mean"], height=0.66, color=color, xerr=errors, capsize=3, ecolor="#333333")
             axes.plot(score["values"], [y] * len(score["values"]), "o", color="white", markeredgecolor="#333333", ms=3)
-            top = max(top, high, *score["values"])
+            top = max(top, score["mean"] + float(np.nan_to_num(errors[1, 0])), *score["values"])
         axes.set_xlim(0, 1.08 * max(top, 0.01))
         axes.set_title(name, fontsize=9)
         axes.tick_params(labelsize=7)

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from fusion_net.common.modalities import STYLES
 from fusion_net.evaluation.audits.result import Audit
+from fusion_net.reports.plots import whiskers
 from fusion_net.reports.tables import SHORT, name_of
 
 Numbers = Mapping[str, Any]
@@ -132,10 +133,9 @@ def _conditions(figure: Figure, numbers: Numbers) -> None:
         for k, color in enumerate(SUBSET_COLORS):
             row = [group["rows"][k] for group in groups]
             height = np.array([each["mAP"] for each in row])
-            ends = np.array([each["mAP_ci95"] for each in row]).reshape(-1, 2).T
             axes.bar(
                 place + 0.12 * (k - 3), height, 0.12, color=color, label=name_of(row[0]["sensors"]) if row else None,
-                yerr=np.clip([height - ends[0], ends[1] - height], 0, None), error_kw={"elinewidth": 0.6},
+                yerr=whiskers(height, [each["mAP_ci95"] for each in row]), error_kw={"elinewidth": 0.6},
             )  # fmt: skip
         names = [f"{group['group'].replace('_', ' ')}\n{group['labels']}" for group in groups]
         axes.set_xticks(place, names, rotation=35)
@@ -180,8 +180,7 @@ def _draw_matches(axes: Axes, example: Numbers, sensors: Sequence[str]) -> None:
 
 def _bars(axes: Axes, names: list[str], rows: list[dict[str, Any]], colors) -> None:
     height = np.array([row["mAP"] for row in rows])
-    low, high = np.array([row["mAP_ci95"] for row in rows]).T
-    axes.bar(names, height, color=colors, yerr=np.clip([height - low, high - height], 0, None), capsize=3)
+    axes.bar(names, height, color=colors, yerr=whiskers(height, [row["mAP_ci95"] for row in rows]), capsize=3)
     axes.tick_params(axis="x", rotation=60)
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from fusion_net.common.cli.typed import retyped
 from fusion_net.common.drawing import label
 from fusion_net.common.modalities import STYLES
 from fusion_net.common.nuscenes_format import MODALITIES
@@ -13,7 +14,7 @@ from fusion_net.reports.evaluation.run import CHARTS, read_curves, smooth
 from fusion_net.reports.evaluation.scores import AXES
 from fusion_net.reports.page.charts import Bar, Line, bars, key, lines
 from fusion_net.reports.page.html import SERIES, Cell, Html, between, card, cards, escaped, number, page, section, table
-from fusion_net.reports.tables import NAMES, UNITS, piped
+from fusion_net.reports.tables import NAMES, UNITS, interval_text, of_scenes, piped
 
 Runs = Sequence[Evaluation]
 Value = tuple[float | None, Sequence[float] | None]
@@ -26,6 +27,7 @@ ALL = NAMES[0]
 def as_html(runs: Runs, command: str) -> str:
     """The page."""
     count, split = runs[0].doc["num_samples"], runs[0].doc["split"]
+    few = "".join(f"<p>{escaped(note)}</p>" for note in of_scenes(runs[0].result["scored"]["scenes"]))
     legend = key([(run.label, _color(i)) for i, run in enumerate(runs)])
     parts = (
         ("Drop tables", "Bars from zero, 95 % intervals over scenes.", _drop_tables),
@@ -39,7 +41,7 @@ def as_html(runs: Runs, command: str) -> str:
     )
     body = [
         f"<h1>{' · '.join(escaped(run.label) for run in runs)}</h1>",
-        f"<p>{len(runs)} runs on the same {count} samples of the split &ldquo;{escaped(split)}&rdquo;.</p>",
+        f"<p>{len(runs)} runs on the same {count} samples of the split &ldquo;{escaped(split)}&rdquo;.</p>{few}",
         f"<pre><code>{escaped(command)}</code></pre>",
         legend,
         _runs(runs),
@@ -87,7 +89,7 @@ def _chart(title: str, runs: Runs, values: Values, *, note: str = "", digits: in
 
 def _runs(runs: Runs) -> Html:
     apart = settings_apart(runs)
-    again = [[run.label, f"python {run.result['command']}", f"python {run.doc['command']}"] for run in runs]
+    again = [[run.label, *(f"python {retyped(each['command'])}" for each in (run.result, run.doc))] for run in runs]
     rows: list[list[Cell]] = [[name, *values] for name, values in apart]
     return section(
         "What differs",
@@ -126,9 +128,7 @@ def _difference_rows(runs: Runs) -> list[list[str]]:
     rows = []
     for run in runs[1:]:
         found = [paired(run, runs[0], name) for name in NAMES]
-        rows.append(
-            [run.label, *(f"{each['mean']:+.3f} [{each['ci95'][0]:+.3f}, {each['ci95'][1]:+.3f}]" for each in found)]
-        )
+        rows.append([run.label, *(f"{each['mean']:+.3f} {interval_text(each['ci95'], '+')}" for each in found)])
     return rows
 
 

@@ -45,7 +45,8 @@ def read_evaluations(folders: Sequence[str]) -> list[Evaluation]:
     for place, name in zip(places, names, strict=True):
         docs = [json.loads((place / file).read_text(encoding="utf-8")) for file in FILES[1:]]
         found.append(Evaluation(name[common:].lstrip("/"), place, read_result(place / FILES[0]), *docs))
-    refuse_other_data({each.label: each.result for each in found})
+    results = {each.label: each.result for each in found}
+    refuse_other_data(results, advice="score them alike, with the same split=, data.root= and bootstrap= of eval.py")
     return found
 
 

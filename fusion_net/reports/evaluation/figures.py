@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fusion_net.evaluation.audits.shapley import shapley
-from fusion_net.evaluation.bootstrap import interval, resample_scenes
+from fusion_net.evaluation.bootstrap import over_scenes, resample_scenes
 from fusion_net.evaluation.breakdown.confusion import confusion
 from fusion_net.evaluation.breakdown.curves import precision_at_recall
 from fusion_net.evaluation.breakdown.error_budget import error_budget
@@ -53,21 +53,22 @@ def figures(scored: Scored, *, resamples: int) -> Figures:
     copies = resample_scenes(truth.scenes, resamples=resamples, rng=rng)[:RESAMPLES]
     first, bodies = truth.counted(table.tables[0]), read_bodies(truth, scored.samples)
     decoys = bodies[bodies.is_decoy & bodies.is_compared]
-    metric, count = truth.metric, len(truth.tokens)
+    metric, count, scenes = truth.metric, len(truth.tokens), len(set(truth.scenes))
     groupings = (by_range(truth), by_condition(truth, scored.samples), by_visibility(truth))
     groups = {each.axis: _groups(scored, each, copies) for each in groupings}
     return {
-        "worth": _worth(table) | {axis: [each["worth"] for each in of_axis] for axis, of_axis in groups.items()},
+        "worth": _worth(table, scenes)
+        | {axis: [each["worth"] for each in of_axis] for axis, of_axis in groups.items()},
         "groups": groups,
         "curves": _curves(scored),
         "confusion": confusion(truth.labels, first, decoys, metric=metric, num_samples=count),
         "pose": {name: pose_errors(point, truth.classes) for name, point in zip(NAMES, scored.points, strict=True)},
-        "budget": error_budget(truth.labels, first, decoys, metric=metric, copies=copies),
+        "budget": error_budget(truth.labels, first, decoys, metric=metric, copies=copies, scenes=scenes),
         "resamples": {"groups": len(copies), "drop_table": resamples},
     }
 
 
-def _worth(table: DropTable) -> Figures:
+def _worth(table: DropTable, scenes: int) -> Figures:
     """The Shapley value of each sensor: of mAP, with its interval on the drop table's resamples, and of each class's AP."""
     value = shapley({subset: row["mAP"] for subset, row in zip(SUBSETS, table.rows, strict=True)})
     spread = shapley(dict(zip(SUBSETS, table.resampled, strict=True)))
@@ -77,7 +78,10 @@ def _worth(table: DropTable) -> Figures:
         labels = table.rows[0]["num_gt"][name]
         by_class.append({"name": name, "labels": labels} | {sensor: float(each) for sensor, each in found.items()})
     return {
-        "mAP": {sensor: {"value": float(each), "ci95": interval(spread[sensor])} for sensor, each in value.items()},
+        "mAP": {
+            sensor: {"value": float(each), "ci95": over_scenes(spread[sensor], scenes)}
+            for sensor, each in value.items()
+        },
         "class": by_class,
     }
 
@@ -102,11 +106,11 @@ def _groups(scored: Scored, grouping: Grouping, copies: NDArray[np.int64]) -> li
                 "name": name,
                 "labels": labels,
                 "mAP": {row: each.mAP for row, each in zip(NAMES, scores, strict=True)},
-                "ci95": {row: interval(each) for row, each in zip(NAMES, resampled, strict=True)},
+                "ci95": {row: over_scenes(each, scores[0].scenes) for row, each in zip(NAMES, resampled, strict=True)},
                 "AP": scores[0].AP,
                 "worth": {"name": name, "labels": labels}
                 | {s: float(each) for s, each in value.items()}
-                | {f"{s}_ci95": interval(each) for s, each in spread.items()},
+                | {f"{s}_ci95": over_scenes(each, scores[0].scenes) for s, each in spread.items()},
             }
         )
     return found

@@ -1,13 +1,14 @@
 """Sections about the run itself: what it was and how to run it again, its training, its settings."""
 
 import csv
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from fusion_net.common.cli.typed import retyped
 from fusion_net.reports.page.charts import Line, key, lines
-from fusion_net.reports.page.html import SERIES, Html, card, cards, escaped, facts, number, section, table
-from fusion_net.reports.tables import name_of
+from fusion_net.reports.page.html import SERIES, Html, between, card, cards, escaped, facts, number, section, table
+from fusion_net.reports.tables import NOTES, name_of
 
 Curves = Mapping[str, list[tuple[int, float]]]
 CHARTS: tuple[tuple[str, str, Mapping[str, str]], ...] = (
@@ -31,9 +32,9 @@ def what_was_run(doc: Mapping[str, Any], result: Mapping[str, Any]) -> Html:
     """Figures at a glance, the commands, and what the result depends on. ``doc``: the drop table; ``result``: as
     :mod:`fusion_net.reports.run_result` keeps it."""
     first, scored = doc["rows"][0], result["scored"]
-    low, high = first["mAP_ci95"]
+    ends = f", 95 %: {between(first['mAP_ci95'])}" if first["mAP_ci95"] else ""
     tiles = [
-        (f"{first['mAP']:.3f}", f"mAP with {name_of(first['sensors'])}, 95 %: {low:.3f} to {high:.3f}"),
+        (f"{first['mAP']:.3f}", f"mAP with {name_of(first['sensors'])}{ends}"),
         (f"{first['NDS']:.3f}", "NDS"),
         (f"{scored['num_samples']:,}", f"samples of {scored['scenes']} scenes"),
         (f"{sum(first['num_gt'].values()):,}", "labels that count"),
@@ -51,19 +52,39 @@ def what_was_run(doc: Mapping[str, Any], result: Mapping[str, Any]) -> Html:
         ["processor", f"{result.get('processor') or '–'}, {result.get('threads') or '–'} threads of torch"],
         ["torch", result.get("torch")],
     ]
-    commands = [f"python {each}" for each in (result.get("command"), doc["command"]) if each]
-    notes = "".join(f"<p>{escaped(note)}</p>" for note in doc["notes"] if note.startswith("cut short"))
-    again = "\n".join(str(escaped(each)) for each in commands)
+    notes = "".join(f"<p>{escaped(note)}</p>" for note in doc["notes"] if note not in NOTES)
     return Html(
         f"{facts(tiles)}{notes}"
         + section(
             "What was run",
-            "To run it again, in a checkout of the same code, with the data of the same manifest:",
-            f"<pre><code>{again}</code></pre>",
+            "To run it again, in a checkout of the same code:",
+            f"<pre><code>{escaped(chr(10).join(commands_again(doc, result)))}</code></pre>",
             table(["", ""], rows, "words"),
             anchor="run",
         )
     )
+
+
+def commands_again(doc: Mapping[str, Any], result: Mapping[str, Any]) -> list[str]:
+    """What to type to get the same scores: the data, the training, the evaluation. Shipped weights are scored without training
+    them, which comes last. What was recorded by no command is said in a comment."""
+    scored = result["scored"]
+    training = [*_making(result.get("data") or [], result.get("made_by") or {})]
+    training += [f"python {retyped(result['command'])}"] if result.get("command") else []
+    scoring = [*_making(scored["data"], scored.get("made_by") or {}), f"python {retyped(doc['command'])}"]
+    if scored["checkpoint"].endswith(".pt"):
+        return [*scoring, "# these weights were trained by:", *training]
+    return list(dict.fromkeys([*training, *scoring]))
+
+
+def _making(data: Sequence[str], made_by: Mapping[str, str]) -> Iterator[str]:
+    """The command of each data set by its fingerprint, which a recorded one has not."""
+    for each in data:
+        if each:
+            yield (
+                made_by.get(each)
+                or f"# here the data of manifest {each[:12]}, which is not known to be made by any command"
+            )
 
 
 def read_curves(path: Path) -> Curves:

@@ -3,13 +3,13 @@
 Settings are in ``configs/levels.yaml``; docs/levels.md says what is measured and how to read it.
 """
 
-import sys
 from pathlib import Path
 
 from omegaconf import DictConfig
 
 from fusion_net.common.cli.command import command
 from fusion_net.common.cli.command_line import name_folder
+from fusion_net.common.cli.typed import typed_command
 
 
 @command(config_name="levels")
@@ -34,7 +34,7 @@ def report(cfg: DictConfig) -> None:
         other_lidar=other,
         keep=cfg.collect,
         only_read=cfg.only_read,
-        typed=" ".join(["python -m fusion_net.reports.levels", *sys.argv[1:]]),
+        typed=f"python {typed_command()}",
     )
 
 

@@ -5,11 +5,11 @@ from typing import Any
 
 
 def figure(estimate: dict[str, Any] | None, digits: int = 3) -> str:
-    """A value and its interval; a dash for none."""
+    """A value and its interval where there is one; a dash for no value."""
     if estimate is None:
         return "-"
-    low, high = estimate["ci95"]
-    return f"{estimate['value']:.{digits}f} [{low:.{digits}f}, {high:.{digits}f}]"
+    ends = "" if estimate["ci95"] is None else " [" + ", ".join(f"{end:.{digits}f}" for end in estimate["ci95"]) + "]"
+    return f"{estimate['value']:.{digits}f}{ends}"
 
 
 def difference(value: float, ends: Sequence[float], digits: int = 3) -> str:

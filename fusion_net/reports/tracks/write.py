@@ -18,7 +18,7 @@ from fusion_net.common.nuscenes_format import MODALITIES
 from fusion_net.data.batch import Batch
 from fusion_net.data.datamodule import NuScenesDataset, make_loader
 from fusion_net.evaluate import open_samples
-from fusion_net.evaluation.bootstrap import interval, resample_scenes
+from fusion_net.evaluation.bootstrap import over_scenes, resample_scenes
 from fusion_net.evaluation.drop_table import RESAMPLING_SEED, predict
 from fusion_net.evaluation.result_folder import result_folder
 from fusion_net.evaluation.tracks.intervals import bootstrap_amota
@@ -29,7 +29,7 @@ from fusion_net.metrics.track_results import write_tracks
 from fusion_net.models.late.estimates import Estimates
 from fusion_net.models.late.late_fusion import LateFusion, LateOutputs
 from fusion_net.models.precision import autocast
-from fusion_net.reports.tables import name_of
+from fusion_net.reports.tables import name_of, of_scenes
 from fusion_net.reports.tracks.picture import busiest_scene, draw_tracks
 from fusion_net.reports.tracks.table import NOTES, as_row, as_text, write_tables
 from fusion_net.runs.checks import check_counts
@@ -65,7 +65,7 @@ def report(cfg: DictConfig) -> Path:
     around = environment()
     about = {"run": str(trained.folder), "split": cfg.split, "num_scenes": len(set(truth.truth.scenes))}
     about |= {"num_samples": len(dataset), "seed": trained.cfg.seed, "command": around["command"], "git": around["git"]}
-    doc = about | {"rows": rows, "notes": list(NOTES)}
+    doc = about | {"rows": rows, "notes": [*NOTES, *of_scenes(about["num_scenes"])]}
     write_tables(folder, doc)
     panels = {"labels": truth.labels} | {each.name: truth.on_grid(each.tracks) for each in found}
     draw_tracks(folder / "tracks.png", panels, truth.frames, scene=scene, global_T_ego=truth.truth.global_T_ego)
@@ -139,7 +139,7 @@ def score_rows(found: Sequence[Found], truth: TrackTruth, *, resamples: int) -> 
         resampled.append(bootstrap_amota(truth.metric, by_class, of_scene))
         row = as_row(each.name, truth.metric.summarise(by_class), truth.official(each.tracks))
         intervals = {"AMOTA_ci95": resampled[-1], "delta_AMOTA_ci95": resampled[-1] - resampled[0]}
-        rows.append(row | {name: interval(values) for name, values in intervals.items()})
+        rows.append(row | {name: over_scenes(values, of_scene.shape[1]) for name, values in intervals.items()})
     return rows
 
 

@@ -5,7 +5,7 @@ import pytest
 from beartype import beartype
 
 from fusion_net.common.cli.command import CONFIGS, UserError, build, check_overrides, one_line
-from fusion_net.common.cli.overrides import COMMANDS
+from fusion_net.common.cli.overrides import COMMANDS, Settings
 
 
 @pytest.mark.parametrize(
@@ -274,3 +274,14 @@ def test_a_mistake_in_a_file_of_ones_own_is_named(own, file, text, answer):
 def test_every_file_of_settings_has_its_command():
     """Messages name the command that a setting belongs to."""
     assert {path.stem for path in CONFIGS.glob("*.yaml")} == set(COMMANDS)
+
+
+@pytest.mark.parametrize(("override", "most"), [("trainer.batch_sise=4", 2), ("sede=1", 2), ("data.num_scenes=20", 5)])
+def test_a_misspelt_key_does_not_wait_for_the_settings_of_every_command(monkeypatch, override, most):
+    composed, compose = [], Settings._compose
+    monkeypatch.setattr(
+        Settings, "_compose", lambda self, chosen: composed.append(self.command) or compose(self, chosen)
+    )
+    with pytest.raises(UserError):
+        check_overrides("train", [override])
+    assert len(composed) <= most

@@ -126,3 +126,18 @@ def test_recorded_scenes_are_grouped_by_their_description():
     assert condition_of({"description": "Night, big street, pedestrians"}) == "night"
     assert condition_of({"description": "Rain, parking lot"}) == "rain"
     assert condition_of({"description": "Peds in sidewalk"}) == "clear"
+
+
+def test_a_group_of_one_scene_has_no_interval(truth, samples, found):
+    copies = resample_scenes(truth.scenes, resamples=20, rng=np.random.default_rng(0))
+    groups = {
+        each.name: each for each in score_groups(truth, found, by_condition(truth, samples, by_severity=True), copies)
+    }
+    assert {name: each.scenes for name, each in groups.items()} == {
+        "clear": 3,
+        "night 1": 1,
+        "night 2": 1,
+        "night 3": 1,
+    }
+    assert groups["clear"].row()["mAP_ci95"][0] < groups["clear"].mAP
+    assert all(groups[f"night {severity}"].row()["mAP_ci95"] is None for severity in (1, 2, 3))

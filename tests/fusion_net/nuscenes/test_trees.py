@@ -1,5 +1,6 @@
 import json
 import shutil
+from pathlib import Path
 
 import pytest
 
@@ -7,6 +8,7 @@ from fusion_net.common.bev_grid import BEVGrid
 from fusion_net.data.datamodule import NuScenesDataset
 from fusion_net.nuscenes.datasets import open_datasets, samples_of_split
 from fusion_net.nuscenes.nuscenes import NuScenes
+from fusion_net.nuscenes.origin import whole_command
 from tests.fixtures.real_tree import edit
 from tests.fixtures.tiny_tree import write_tree
 
@@ -88,6 +90,27 @@ def test_a_half_generated_shard_names_the_command(shards):
     (shards / "shard-3-of-3/manifest.json").write_text(json.dumps(manifest))
     with pytest.raises(ValueError, match=rf"shard-3-of-3 is half generated.*: {command} data.root={shards}$"):
         open_datasets(str(shards))
+
+
+@pytest.mark.parametrize(
+    ("command", "shard", "whole"),
+    [
+        ("python -m data_gen data=tiny", None, "python -m data_gen data=tiny data.root=data/x/shard-1-of-3"),
+        (
+            "python -m data_gen data=tiny shard=1/3 seed=2",
+            {"number": 1},
+            "python -m data_gen data=tiny seed=2 data.root=data/x",
+        ),
+        (
+            "python -m data_gen -m shard=1/3,2/3 hydra/launcher=joblib",
+            {"number": 1},
+            "python -m data_gen data.root=data/x",
+        ),
+        ("", None, ""),
+    ],
+)
+def test_shards_are_made_again_as_one(command, shard, whole):
+    assert whole_command(Path("data/x/shard-1-of-3"), {"command": command, "shard": shard}) == whole
 
 
 def test_the_same_scene_twice_is_refused(whole, shards):

@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+import warnings
 
 import cv2
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 
 from fusion_net.evaluation.drop_table import SUBSETS, DropTable
 from fusion_net.reports.plots import plot_drop_table
-from fusion_net.reports.tables import as_csv, as_markdown, as_text, document, name_of, write_drop_table
+from fusion_net.reports.tables import as_csv, as_markdown, as_text, document, name_of, of_scenes, write_drop_table
 
 
 def row(sensors, mAP):
@@ -39,6 +40,28 @@ def test_files_and_fields(doc, tmp_path):
     assert len(read["rows"]) == 7
     assert (tmp_path / "eval/drop_table.csv").exists()
     assert (tmp_path / "eval/drop_table.md").exists()
+
+
+def test_one_scene_has_no_interval_in_any_form(doc, tmp_path):
+    for each in (*doc["rows"], doc["random"]):
+        each["mAP_ci95"] = each["delta_mAP_ci95"] = None
+    doc["notes"] += of_scenes(1)
+    write_drop_table(tmp_path, doc)
+    first = next(csv.DictReader(io.StringIO(as_csv(doc))))
+    assert (first["mAP_ci95_low"], first["mAP_ci95_high"]) == ("", "")
+    for text in (as_text(doc), as_markdown(doc)):
+        assert "one scene: no interval" in text
+        assert "0.750" not in text
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        plot_drop_table(tmp_path / "chart.png", doc)
+    assert cv2.imread(str(tmp_path / "chart.png")) is not None
+
+
+def test_few_scenes_are_said():
+    assert of_scenes(2) == ["2 scenes: such intervals are rough, and mostly too narrow"]
+    assert of_scenes(4)
+    assert of_scenes(5) == []
 
 
 def test_csv_has_a_column_for_every_figure(doc):

@@ -121,13 +121,13 @@ def test_weights_come_back_and_foreign_ones_are_refused(tmp_path):
 
 
 def test_data_made_with_other_settings_is_refused(tmp_path):
-    folder = open_run(tmp_path / "a", CONFIG, resume=False, overwrite=False, data=["a" * 64])
+    folder = open_run(tmp_path / "a", CONFIG, resume=False, overwrite=False, data={"a" * 64: ""})
     refuse_other_data(folder, ["a" * 64])
     with pytest.raises(ValueError, match=r"manifest aaaaaaaaaaaa, now bbbbbbbbbbbb"):
         refuse_other_data(folder, ["b" * 64])
     (folder / "checkpoints" / "last.ckpt").write_bytes(b"x")
     with pytest.raises(ValueError, match="no longer that which"):
-        open_run(folder, CONFIG, resume=True, overwrite=False, data=["b" * 64])
+        open_run(folder, CONFIG, resume=True, overwrite=False, data={"b" * 64: ""})
     assert "aaaa" in (folder / "env.json").read_text()
 
 
@@ -145,7 +145,7 @@ def test_a_checkpoint_is_looked_at_before_a_run_goes_on(tmp_path):
 
 def test_a_run_is_finished_once_it_says_so_and_only_for_its_own_settings(tmp_path):
     assert not is_finished(tmp_path / "a", CONFIG)
-    folder = open_run(tmp_path / "a", CONFIG, resume=False, overwrite=False, data=["d"])
+    folder = open_run(tmp_path / "a", CONFIG, resume=False, overwrite=False, data={"d": ""})
     assert not is_finished(folder, CONFIG)
     mark_finished(folder, steps=5, planned=5)
     assert is_finished(folder, OmegaConf.merge(CONFIG, {"resume": True, "skip_finished": True, "name": "a"}))

@@ -44,7 +44,7 @@ def kinds(found, decoys=NONE, metric=AT_TWO):
 
 
 def budget(found, decoys=NONE, labels=LABELS):
-    made = error_budget(labels, table(found), decoys, metric=METRIC, copies=np.ones((3, 1), int))
+    made = error_budget(labels, table(found), decoys, metric=METRIC, copies=np.ones((3, 1), int), scenes=2)
     gains = {entry["kind"]: entry["gain"] for entry in made["budget"]}
     assert all(entry["gain_ci95"] == pytest.approx([entry["gain"]] * 2) for entry in made["budget"])
     assert list(gains) == list(BUDGET)
@@ -148,7 +148,7 @@ box = st.tuples(
 @given(st.lists(box, max_size=8), st.lists(box, max_size=12))
 def test_no_kind_costs_less_than_nothing_and_mAP_is_the_metrics_own(labels, found):
     labels, found = table(labels), table(found)
-    made = error_budget(labels, found, bodies((3, 1)), metric=METRIC, copies=np.ones((2, 2), int))
+    made = error_budget(labels, found, bodies((3, 1)), metric=METRIC, copies=np.ones((2, 2), int), scenes=2)
     assert made["mAP"] == pytest.approx(METRIC(labels, found, 2).mAP)
     for entry in made["budget"]:
         if entry["kind"] != "miss" or all((labels.boxes.label == k).any() for k in (CAR, PERSON)):

@@ -1,0 +1,58 @@
+"""What a comparison cannot read is answered with the command that makes it."""
+
+import shlex
+
+import pytest
+
+from fusion_net.reports.compare.folders import FILES, find_evaluations
+
+
+def evaluated(folder):
+    folder.mkdir(parents=True)
+    for file in FILES:
+        (folder / file).touch()
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    """runs/A with an evaluation, a second one below it and a half one; runs/B without; shipped weights with one."""
+    monkeypatch.chdir(tmp_path)
+    for place in ("runs/A/eval", "runs/A/eval/test", "runs/A/eval/half", "runs/checkpoints/early/eval"):
+        evaluated(tmp_path / place)
+    (tmp_path / "runs/A/eval/half/report.json").unlink()
+    (tmp_path / "runs/B and C").mkdir()
+    for run in ("A", "B and C"):
+        (tmp_path / "runs" / run / "config.yaml").write_text("seed: 1\n")
+    return tmp_path
+
+
+def test_runs_and_evaluations_below_them_are_found(here):
+    found = find_evaluations(["runs/A", "runs/A/eval/test", "runs/checkpoints/early", "runs/checkpoints/early/eval"])
+    early = "runs/checkpoints/early/eval"
+    assert [place.as_posix() for place in found] == ["runs/A/eval", "runs/A/eval/test", early, early]
+
+
+@pytest.mark.parametrize(
+    ("folder", "answer"),
+    [
+        ("runs/missing", "no run at runs/missing; there are A, B and C; train it: python train.py name=missing"),
+        ("runs/study/x", "no run at runs/study/x; train it: python train.py name=study/x"),
+        (
+            "runs/B and C",
+            "no evaluation in runs/B and C; score it: python eval.py " + shlex.quote("run='runs/B and C'"),
+        ),
+        ("runs/A/eval/val", "no evaluation in runs/A/eval/val; score it: python eval.py run=runs/A"),
+        ("runs/A/eval/half", "runs/A/eval/half has no report.json; score it again: python eval.py run=runs/A"),
+        ("runs/checkpoints/nano", "no evaluation in runs/checkpoints/nano; score it: python eval.py checkpoint=nano"),
+        ("runs/checkpoints/nano/eval/test", "no evaluation in .*; score it: python eval.py checkpoint=nano"),
+        ("runs/checkpoints/foo", "no shipped weights foo; there are nano, "),
+    ],
+)
+def test_what_is_not_there_names_the_command_that_makes_it(here, folder, answer):
+    with pytest.raises(FileNotFoundError, match=answer):
+        find_evaluations(["runs/A", folder])
+
+
+def test_one_is_no_comparison(here):
+    with pytest.raises(ValueError, match="name two runs at least"):
+        find_evaluations(["runs/A", "runs/A"])

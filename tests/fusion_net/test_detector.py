@@ -1,5 +1,6 @@
 """Arrays in, boxes out: an evaluation's own boxes, with any subset of the sensors, and clear words for what is wrong."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,7 @@ from tests.fixtures.tiny_tree import CAM_K, OPTICAL
 from tests.fixtures.training_setup import settings as run_settings
 from tests.fixtures.training_setup import write_data
 
+PROJECT = Path(__file__).resolve().parents[2]
 ARRAYS = {"camera": "images", "lidar": "points", "radar": "radar"}
 
 
@@ -236,3 +238,14 @@ def test_a_folder_is_taken_for_a_run(folder, monkeypatch):
     answer = r"no run at runs/nothing; there are mini; train it: python train\.py name=nothing"
     with pytest.raises(FileNotFoundError, match=answer):
         Detector.load("runs/nothing")
+
+
+@pytest.mark.parametrize("page", ["README.md", "docs/report.md"])
+def test_the_example_of_the_docs_runs_as_it_stands(page, tmp_path, monkeypatch):
+    write_data(tmp_path / "data/try")
+    monkeypatch.chdir(tmp_path)
+    blocks = re.findall(r"```python\n(.*?)```", (PROJECT / page).read_text(encoding="utf-8"), re.DOTALL)
+    (example,) = [block for block in blocks if "Detector.load" in block]
+    names: dict = {}
+    exec(example, names)
+    assert len(names["found"])

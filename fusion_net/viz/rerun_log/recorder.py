@@ -101,6 +101,8 @@ class Recorder:
             self._at_keyframe(number)
             for part in CONTENT[readings[0].modality]:
                 self._log(*EGO, channel, part, what=rr.Clear(recursive=False))
+            if "points" in CONTENT[readings[0].modality]:
+                self._log("series", "points", channel, what=rr.Scalars(0))
 
     def _log_image(self, reading: Reading) -> None:
         nusc = self.scene.nusc

@@ -25,6 +25,8 @@ SHEET, PREVIEW = ["-m", "data_gen.pictures.contact_sheet"], ["-m", "data_gen.pic
 ABLATION, COMPARE = ["-m", "fusion_net.reports.ablation"], ["-m", "fusion_net.reports.compare"]
 TRACKS = ["-m", "fusion_net.reports.tracks"]
 STATISTICS, LIDAR_CHECK = ["-m", "fusion_net.reports.statistics"], ["-m", "fusion_net.viz.lidar_check"]
+ANY_DATA = f"data.root={PROJECT / 'configs'}"
+"""A folder that is there, of which nothing is read before a model is built."""
 TRAIN, EVAL = [str(PROJECT / "train.py"), "trainer=smoke"], [str(PROJECT / "eval.py")]
 
 
@@ -63,7 +65,7 @@ def press(number, arguments, folder, *, once):
 @pytest.fixture(scope="module")
 def warm():
     """For commands that refuse or only tell; whatever trains, generates or is interrupted gets a Python of its own."""
-    reports = ("statistics", "tracks.__main__", "compare.__main__", "ablation.__main__")
+    reports = ("statistics", "tracks.write", "compare.write", "ablation.write")
     modules = ("data_gen.generate", "data_gen.pictures.contact_sheet", "fusion_net.fit", "fusion_net.evaluate")
     modules += tuple(f"fusion_net.reports.{name}" for name in reports)
     python = WarmPython(imports=modules, environment=ENVIRONMENT)
@@ -95,19 +97,19 @@ MISTAKES = [
     (TRAIN, "grid=nanoo", "did you mean nano?"),
     (TRAIN, "data.root=nowhere", "no data in nowhere; make some: python -m data_gen data=nano data.root=nowhere"),
     (EVAL, "rum=runs/base", "did you mean run?"),
-    (EVAL, "split=val", "run is needed; write run=VALUE"),
+    (EVAL, "split=val", "run is needed; write run=runs/NAME, or take shipped weights: checkpoint=nano"),
     (EVAL, "checkpoint=nanoo", "no shipped weights nanoo; there are"),
     (EVAL, "run=a ship=a.ckpt", "ship=a.ckpt is no file of weights; end it with .pt"),
     (TRAIN, "init=nanoo", "init=nanoo: no shipped weights nanoo; there are"),
     (ABLATION, "runs/sweeps/none", "no job of a sweep in runs/sweeps/none"),
     (ABLATION, "collect=true", "folder is needed; write folder=VALUE"),
     (COMPARE, "runs/mine", "name two runs at least"),
-    (COMPARE, "runs/a runs/b", "no evaluation in runs/a; score the run: python eval.py run=runs/a"),
+    (COMPARE, "runs/a runs/b", "no run at runs/a; train it: python train.py name=a"),
     (COMPARE, "run=runs/a", "does not read 'run'"),
     (EVAL, "run=runs/nothing", "no run at runs/nothing"),
     (DATA_GEN, "data.num_scenes=0", "num_scenes=0"),
     (DATA_GEN, "data=sequence data.keyframes=300", "keyframes=300 last 151 s; a scene has time for 100 s"),
-    (TRACKS, "split=val", "run is needed; write run=VALUE"),
+    (TRACKS, "split=val", "run is needed; write run=runs/NAME, or take shipped weights: checkpoint=nano"),
     (TRACKS, "run=runs/nothing", "no run at runs/nothing"),
     (DATA_GEN, "seed=abc", "seed=abc is not a whole number"),
     (DATA_GEN, "workers=-1", "workers=-1 is not a number of processes"),
@@ -144,8 +146,8 @@ MISTAKES = [
     (TRAIN, "-m seed=1,2", "all jobs of this sweep would be runs/nano"),
     (TRAIN, "seed=-1", "seed=-1 is not within 0"),
     (TRAIN, "dataset.workers=-1", "dataset.workers=-1 is not a number of processes"),
-    (TRAIN, "encoders=[camera,camera]", "'camera' is there twice"),
-    (TRAIN, "grid.cell=0", "cell=0.0 must be above 0"),
+    (TRAIN, f"encoders=[camera,camera] {ANY_DATA}", "'camera' is there twice"),
+    (TRAIN, f"grid.cell=0 {ANY_DATA}", "cell=0.0 must be above 0"),
     (TRAIN, "grid=graded grid.rows=200", "take rows=112 or fewer, or cell=0.224 or less"),
     (TRAIN, f"data.root={'x' * 300}", "File name too long"),
     (EVAL, "run=null", "run=null is not a name"),

@@ -124,6 +124,8 @@ def load_config(folder: Path) -> DictConfig:
     """The settings a run was trained with. FileNotFoundError when there is no such run."""
     path = folder / "config.yaml"
     if not path.exists():
+        if folder.parts[:1] != ("runs",) and (Path("runs") / folder / "config.yaml").exists():
+            raise FileNotFoundError(f"no run at {folder}; it is {Path('runs') / folder}")
         near = sorted(p.parent.name for p in folder.parent.glob("*/config.yaml")) if folder.parent.is_dir() else []
         known = f"there are {', '.join(near)}; " if near else ""
         name = folder.as_posix().removeprefix("runs/") if folder.parts[:1] == ("runs",) else folder.name

@@ -18,6 +18,9 @@ from fusion_net.common.cli.hints import accepts
 LISTS = ("data.root", "audits")
 """Keys that take one name or a list of them."""
 
+FOLDERS = {"runs": "run", "data": "data.root"}
+"""The key that a folder below one of these is probably meant for."""
+
 
 def at(settings: dict[str, Any], key: str) -> Any:
     """The value at a dotted key."""
@@ -32,7 +35,8 @@ def parsed(text: str) -> Override:
     ``münchen``, ``runs/seed=1``."""
     name, equals, value = text.partition("=")
     if not equals and not text.startswith("~"):
-        raise UserError(f"'{text}' is not an override; write key=value")
+        hint = f", such as {FOLDERS[first]}={text}" if (first := text.split("/")[0]) in FOLDERS else ""
+        raise UserError(f"'{text}' is not an override; write key=value{hint}")
     text = re.sub(r"(?<=[\[,])~[^,\]'\"]*", lambda found: as_override(found.group()), text)
     parser = OverridesParser.create()
     try:

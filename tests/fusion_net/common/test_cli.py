@@ -15,6 +15,7 @@ from fusion_net.common.cli.overrides import COMMANDS, Settings
         ("trainer=cpuu", "did you mean cpu?"),
         ("modality_droput=0.5", "did you mean modality_dropout"),
         ("nonsense", "is not an override"),
+        ("runs/mine", "'runs/mine' is not an override; write key=value, such as run=runs/mine"),
         ("encoders=[camera,lidar", "quote lists"),
         ("grid=nanoo", "did you mean nano?"),
         ("trainer.batch_size=abc", "trainer.batch_size=abc is not a whole number; the default is 8"),

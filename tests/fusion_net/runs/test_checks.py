@@ -54,6 +54,8 @@ EVALUATIONS = [
     (["run=runs/none"], r"no run at runs/none; there are a, c; train it: python train\.py name=none"),
     (["run=runs/study/none"], r"no run at runs/study/none; there are b; train it: python train\.py name=study/none"),
     (["run=runs/a"], r"no checkpoint runs/a/checkpoints/best\.ckpt; there are last\.ckpt: pass checkpoint=last"),
+    (["run=c"], "no run at c; it is runs/c"),
+    (["checkpoint=c"], "no shipped weights c; there is a run of this name: runs/c"),
     (["checkpoint=nanoo"], "no shipped weights nanoo; there are nano, early"),
     (
         ["checkpoint=nano", "data.root=none"],

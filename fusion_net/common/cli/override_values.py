@@ -35,7 +35,8 @@ def parsed(text: str) -> Override:
     ``münchen``, ``runs/seed=1``."""
     name, equals, value = text.partition("=")
     if not equals and not text.startswith("~"):
-        hint = f", such as {FOLDERS[first]}={text}" if (first := text.split("/")[0]) in FOLDERS else ""
+        folder = text.split("/")[0]
+        hint = f", such as {FOLDERS[folder]}={text}" if folder in FOLDERS else ""
         raise UserError(f"'{text}' is not an override; write key=value{hint}")
     text = re.sub(r"(?<=[\[,])~[^,\]'\"]*", lambda found: as_override(found.group()), text)
     parser = OverridesParser.create()

@@ -48,13 +48,13 @@ def _table(name: str, value: Any, channels: Sequence[str], *, fewest: int) -> ND
     is_finite = np.isfinite(full).all(axis=1)
     if not is_finite.all():
         raise ValueError(
-            f"detector: {name} has {np.count_nonzero(~is_finite)} of {len(full)} rows that are not finite, the first is row"
+            f"detector: {np.count_nonzero(~is_finite)} of {len(full)} rows of {name} are not finite, the first is row"
             f" {is_finite.argmin()}; leave them out: {name}[np.isfinite({name}).all(axis=1)]"
         )
     age = full[:, -1]
     if len(full) and np.abs(age).max() > OLDEST:
         raise ValueError(
-            f"detector: {name} have ages (column {len(channels) - 1}) up to {np.abs(age).max():g} s; give the reference time"
+            f"detector: {name} has ages (column {len(channels) - 1}) up to {np.abs(age).max():g} s; give the reference time"
             " minus the measurement's, in seconds, or leave the column out"
         )
     return full

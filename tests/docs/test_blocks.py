@@ -16,7 +16,7 @@ from fusion_net.common.cli.overrides import COMMANDS, check_overrides
 from tests.fixtures.doc_blocks import PAGES, ROOT, UNFENCED, Command, block_commands, blocks, inline_commands, recipe
 from tests.fixtures.doc_names import GIVEN, ONLY_COMPILED
 from tests.fixtures.doc_reader import Reader
-from tests.fixtures.doc_table import NOT_RUN, OWN, RENAMED, SMALL, SMALLER, YAML, prepared, why_not
+from tests.fixtures.doc_table import NOT_RUN, RENAMED, RUN_ELSEWHERE, SMALL, SMALLER, YAML, prepared, why_not
 
 TABLE = "tests/fixtures/doc_table.py"
 NAMES = "tests/fixtures/doc_names.py"
@@ -70,8 +70,9 @@ def test_every_command_is_run_or_has_its_reason():
 def test_no_entry_of_the_tables_is_left_over():
     commands = [prepared(each, small=False) for each in IN_BLOCKS + INLINE]
     texts = [each.text for each in commands] + [each.text for each in IN_BLOCKS + INLINE]
-    for table in (SMALL, SMALLER, NOT_RUN, OWN):
+    for table in (SMALL, SMALLER, NOT_RUN):
         assert not [entry for entry in table if not any(text.startswith(entry) for text in texts)]
+    assert not [page for page in RUN_ELSEWHERE if not any(each.where.startswith(page) for each in IN_BLOCKS)]
     assert not [part for part in RENAMED if not any(part in text for text in texts)]
     first = [block.text for block in blocks("python", "yaml")]
     assert not [entry for entry in (*GIVEN, *ONLY_COMPILED, *YAML) if not any(t.startswith(entry) for t in first)]
@@ -96,7 +97,7 @@ def test_blocks_of_settings_are_read(tmp_path):
     reader = Reader(tmp_path)
     reader.write_settings()
     for block in blocks("yaml"):
-        group, _, name = YAML[block.first_line].removesuffix(".yaml").partition("/")
+        group, _, name = YAML[block.first_line][0].removesuffix(".yaml").partition("/")
         check_overrides("data_gen", ["--config-dir", str(reader.home / "bev"), f"{group}={name}"])
 
 

@@ -17,6 +17,8 @@ from fusion_net.common.cli.hints import accepts
 
 LISTS = ("data.root", "audits")
 """Keys that take one name or a list of them."""
+CAN_BE_NULL = ("results",)
+"""Keys of a name that may be null."""
 
 FOLDERS = {"runs": "run", "data": "data.root"}
 """The key that a folder below one of these is probably meant for."""
@@ -98,7 +100,9 @@ def check_type(key: str, value: Any, default: Any) -> None:
     elif isinstance(default, list) and not isinstance(value, list):
         like_default = [value] * max(len(default), 1) if all(isinstance(x, int | float) for x in default) else [value]
         raise UserError(f"{text} is not a list; write '{key}={as_override(like_default)}'")
-    elif isinstance(default, str) and (value is None or (isinstance(value, list | dict) and key not in LISTS)):
+    elif isinstance(default, str) and (
+        (value is None and key not in CAN_BE_NULL) or (isinstance(value, list | dict) and key not in LISTS)
+    ):
         raise UserError(f"{text} is not a name{'' if default == '???' else f'; the default is {default}'}")
 
 

@@ -18,7 +18,6 @@ from torch import Tensor
 
 from fusion_net.common.boxes import Boxes, box_corners
 from fusion_net.common.cli.command import build
-from fusion_net.common.drawing import label
 from fusion_net.data.batch import Batch
 from fusion_net.data.datamodule import NuScenesDataset
 from fusion_net.models.center_head import CenterHead
@@ -29,8 +28,6 @@ from fusion_net.runs.trained import shipped
 PICTURES = Path(__file__).resolve().parents[2] / "docs" / "pictures"
 SAMPLE = 41
 """Place of the keyframe in the validation split."""
-PIXELS = ((6, 12), (7, 30))
-"""Feature cells (row, column) whose depth distributions are drawn."""
 LABEL, FOUND = "#2ecc71", "#ff9f1c"
 
 
@@ -54,6 +51,15 @@ class Stages:
         with torch.no_grad():
             self.outputs = self.model(self.batch)
             self.found = self.model.decode(self.outputs)[0]
+        self.cells = self._sure_and_unsure()
+
+    def _sure_and_unsure(self) -> list[tuple[int, int]]:
+        """Of the feature cells that show an object, the one whose depth is surest, and the one whose depth is least so."""
+        chance = self.outputs.image.depth_logits[0, 0].softmax(dim=0)
+        entropy = -(chance * chance.clamp(min=1e-9).log()).sum(dim=0)
+        is_object = self.batch.class_map[0, 0] >= 0
+        places = (entropy.masked_fill(~is_object, 99.0).argmin(), entropy.masked_fill(~is_object, -1.0).argmax())
+        return [divmod(int(place), entropy.shape[1]) for place in places]
 
     def _keep(self, name: str, output) -> None:
         self.seen.setdefault(name, output if isinstance(output, Tensor) else output.bev)
@@ -65,11 +71,10 @@ class Stages:
     def ground(self, axes: Axes, values: np.ndarray | None, title: str, color: str = "magma") -> None:
         """A map (Y, X) from above, the car at the bottom in the middle and its way up."""
         grid = self.grid
-        if values is None:
-            axes.set(xlim=(grid.y_max, grid.y_min), ylim=(grid.x_min, grid.x_max), facecolor="#101014", aspect="equal")
-        else:
-            extent = (grid.y_max, grid.y_min, grid.x_min, grid.x_max)
+        extent = (grid.y_max, grid.y_min, grid.x_min, grid.x_max)
+        if values is not None:
             axes.imshow(values.T[::-1, ::-1], extent=extent, cmap=color, interpolation="nearest")
+        axes.set(xlim=extent[:2], ylim=extent[2:], facecolor="#101014", aspect="equal", autoscale_on=False)
         axes.set_title(title, fontsize=8)
         axes.tick_params(labelsize=6)
 
@@ -85,9 +90,9 @@ class Stages:
         chance = image.depth_logits[0, 0].softmax(dim=0).numpy()
         figure, axes = _figure(2, 2, (9.6, 4.0))
         axes[0, 0].imshow(self.sample.images[0])
-        axes[0, 0].set_title("the image, 320 x 96, and two feature cells of 8 x 8 pixels", fontsize=8)
+        axes[0, 0].set_title("the image, 320 x 96, and two of its cells of 8 x 8 pixels", fontsize=8)
         colors = ("#00c8ff", "#ff4fd8")
-        for (row, column), color in zip(PIXELS, colors, strict=True):
+        for (row, column), color in zip(self.cells, colors, strict=True):
             axes[0, 0].add_patch(plt.Rectangle((8 * column, 8 * row), 8, 8, fill=False, ec=color, lw=1.5))
             axes[1, 1].plot(bins.centers(), chance[:, row, column], color=color, drawstyle="steps-mid")
             axes[1, 1].axvline(float(self.batch.dense_depth[0, 0, row, column]), color=color, ls=":")
@@ -114,7 +119,7 @@ class Stages:
             return view(ones, chance, *geometry)[0, 0].numpy()
 
         rays = torch.zeros(chance.shape[2:4])
-        for row, column in PIXELS:
+        for row, column in self.cells:
             rays[row, column] = 1
         figure, axes = _figure(1, 3, (9.6, 3.7))
         self.ground(axes[0], weights(rays) ** 0.5, "the two cells: probability along their rays")
@@ -147,7 +152,7 @@ class Stages:
         raster = rasterize(points, self.batch.radar_batch, 1, self.grid)[0].numpy()
         x, y, _, _, vx, vy, _ = points.numpy().T
         figure, axes = _figure(1, 3, (9.6, 3.7))
-        self.ground(axes[0], None, f"{len(points)} detections of two scans, and one second of their velocity")
+        self.ground(axes[0], None, f"{len(points)} detections, one second of velocity")
         axes[0].quiver(y, x, vy, vx, angles="xy", scale_units="xy", scale=1, color="#ffd166", width=0.004)
         axes[0].scatter(y, x, s=4, color="white")
         self.ground(axes[1], raster[RASTER_CHANNELS.index("speed")], "one channel of the raster: mean speed / 10")
@@ -166,7 +171,7 @@ class Stages:
             without = self.model.fuser(maps, present[:, columns])[0].float()
         figure, axes = _figure(1, 5, (12.0, 3.2))
         for each, name in zip(axes, maps, strict=False):
-            self.ground(each, self.norm(name), f"{label(name)}")
+            self.ground(each, self.norm(name), {"lidar": "LiDAR"}.get(name, name))
         self.ground(axes[3], self.norm("fused"), "fused")
         self.ground(axes[4], torch.linalg.vector_norm(without, dim=0).numpy(), "fused, LiDAR absent")
         _write(figure, "fuse")

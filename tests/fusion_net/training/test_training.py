@@ -129,7 +129,7 @@ def test_a_fixed_number_of_threads_is_not_watched(data, steps, monkeypatch):
         ("trainer.batch_size=64", "9 training samples, fewer than trainer.batch_size=64"),
         ("modality_dropout=2", "is a probability"),
         ("depth_supervision=lidr", "did you mean lidar"),
-        ("fuser=conct", "did you mean concat"),
+        ("fuser=conct", "did you mean 'concat'"),
         ("painting=oracle", "this model paints no points; add model=early"),
         ("encoders=[camra]", "'camra' is no sensor; choose from camera, lidar, radar"),
         ("encoders=[]", "no sensor is named"),

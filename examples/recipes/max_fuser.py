@@ -23,5 +23,6 @@ class MaxFuser(nn.Module):
         aligned = []
         for i, (name, features) in enumerate(bev.items()):
             absent = ~present[:, i, None, None, None]
-            aligned.append(self.align[name](features.masked_fill(absent, 0.0)).masked_fill(absent, 0.0))
+            align = self.align[name]
+            aligned.append(align(features.masked_fill(absent, 0.0)).masked_fill(absent, 0.0))
         return torch.stack(aligned).amax(dim=0)

@@ -30,9 +30,12 @@ def commands_reference(root: Path) -> str:
 def make_targets(makefile: Path) -> dict[str, str]:
     """What each target is for: the comments at the top, the comment above the target, or its first command."""
     text = makefile.read_text(encoding="utf-8")
+    variables = dict(re.findall(r"^(\w+) *\??= *(.+)$", text, re.MULTILINE)) | {"RUN": "python"}
     about = dict(re.findall(r"make (\w[\w-]*) {2,}(.+?)(?= {3,}make |$)", text, re.MULTILINE))
     for above, name, first in re.findall(r"(?:^# (.+)\n)?^([a-z-]+):.*\n(?:\t(.+))?", text, re.MULTILINE):
-        about.setdefault(name, above or (f"`{first.replace('$(RUN)', 'python')}`" if first else ""))
+        for _ in range(2):  # a variable may name another
+            first = re.sub(r"\$\((\w+)\)", lambda found: variables.get(found[1], found[0]), first)
+        about.setdefault(name, above or (f"`{first}`" if first else ""))
     names = re.search(r"^\.PHONY: (.+)$", text, re.MULTILINE)
     return {name: about.get(name, "") for name in (names[1].split() if names else about)}
 

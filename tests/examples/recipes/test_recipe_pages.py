@@ -91,5 +91,6 @@ def test_the_commands_of_a_recipe_work(page, clone):
     done = subprocess.run(
         ["bash", "-euxc", script], cwd=clone, env=environment, capture_output=True, text=True, check=False
     )
+    print(done.stdout)
     assert done.returncode == 0, done.stderr[-3000:]
     assert "Traceback" not in done.stderr

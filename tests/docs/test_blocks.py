@@ -46,7 +46,7 @@ def at_the_front_door(command: Command, arguments: list[str], monkeypatch) -> tu
 
 
 def test_every_block_names_its_language():
-    known = ("sh", "python", "yaml", "text")
+    known = ("sh", "bash", "python", "yaml", "text")
     wrong = [block.where for block in blocks() if block.language not in known]
     assert not wrong, f"a block begins with ``` and one of {', '.join(known)}"
     for page in PAGES:

@@ -50,7 +50,7 @@ def check_overrides(config_name: str, argv: list[str]) -> list[str]:
     UserError for what does not parse, is of the wrong kind, or is read by nobody."""
     flags, texts, own = read_flags(argv)
     overrides = [parsed(text) for text in texts]
-    settings = Settings(config_name, own, overrides)
+    settings = _settings(config_name, own, overrides)
     swept = [text for text in settings.sweeper if not any(o.key_or_group == text.split("=")[0] for o in overrides)]
     is_multirun = "--multirun" in flags or bool(settings.sweeper)
     everything = [*overrides, *map(parsed, swept)]
@@ -71,12 +71,12 @@ class Settings:
         self.command = config_name
         self.folders = [CONFIGS] if own is None or own.resolve() == CONFIGS else [CONFIGS, own]
         self.groups = _groups(self.folders)
-        plain = self._compose([])
+        plain = _plain(config_name)
         self.base, self.used = set(keys(plain)), set(plain.hydra.runtime.choices)
         chosen = [o for o in overrides if o.key_or_group in self.groups]
         for override in chosen:
             self._check_group(override)
-        self.cfg = self._compose([first(override) for override in chosen])
+        self.cfg = self._compose([first(override) for override in chosen]) if chosen else deepcopy(plain)
         self.sweeper = [f"{key}={value}" for key, value in (self.cfg.hydra.sweeper.get("params") or {}).items()]
         self.hydra = {f"hydra.{key}" for key in keys(self.cfg.hydra)}
         self._left_out = list(self.cfg.hydra.job.config.override_dirname.exclude_keys)
@@ -103,9 +103,7 @@ class Settings:
 
     def _compose(self, overrides: list[str]) -> DictConfig:
         more = [f"hydra.searchpath={as_override([f'file://{each.resolve()}' for each in self.folders[1:]])}"]
-        if len(self.folders) == 1:
-            return deepcopy(_composed(self.command, *more, *overrides))
-        return _composed.__wrapped__(self.command, *more, *overrides)
+        return _composed(self.command, *more, *overrides)
 
     def _check_group(self, override: Override) -> None:
         key, options = override.key_or_group, self.groups[override.key_or_group]
@@ -205,7 +203,7 @@ class Settings:
 
     def _unknown(self, kind: str, key: str) -> str:
         for name, command in COMMANDS.items() if _is_written(key) else ():
-            if name != self.command and key in set(keys(Settings(name, None, []).cfg)):
+            if name != self.command and key in set(keys(_kept(name).cfg)):
                 return f"{COMMANDS[self.command]} does not read '{key}'; it is a setting of {command}"
         options = (self.known | self.used) - {key}
         target = self._target(key)
@@ -215,9 +213,25 @@ class Settings:
         return f"unknown {kind} '{key}'; {nearest(key, sorted(options))}"
 
 
-@cache
-def _composed(config_name: str, *overrides: str) -> DictConfig:
+def _settings(config_name: str, own: Path | None, overrides: list[Override]) -> Settings:
     """Kept where all of it is the project's own, which does not change while a process runs."""
+    if own is not None:
+        return Settings(config_name, own, overrides)
+    groups = _groups([CONFIGS])
+    return _kept(config_name, *(str(each.input_line) for each in overrides if each.key_or_group in groups))
+
+
+@cache
+def _kept(config_name: str, *chosen: str) -> Settings:
+    return Settings(config_name, None, [parsed(text) for text in chosen])
+
+
+@cache
+def _plain(config_name: str) -> DictConfig:
+    return _composed(config_name)
+
+
+def _composed(config_name: str, *overrides: str) -> DictConfig:
     with initialize_config_dir(str(CONFIGS), version_base="1.3"):
         try:
             return compose(config_name, overrides=list(overrides), return_hydra_config=True)

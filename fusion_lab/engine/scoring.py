@@ -28,14 +28,14 @@ class Score:
     velocity: float
 
 
-def score(truth: GroundTruth, labels: Boxes, found: Boxes, threshold: float) -> Score:
-    """The score of a keyframe. ``truth`` holds it alone; ``labels`` and ``found`` are in its ego frame."""
+def score(mAP: float, labels: Boxes, found: Boxes, threshold: float) -> Score:
+    """The score of a keyframe whose mAP is known (:func:`mean_over_classes`); ``labels`` and ``found`` are in its ego frame."""
     shown = found[found.score >= threshold]
     label, box = pairs(labels, shown)
     apart = np.linalg.norm(labels.center[label, :2] - shown.center[box, :2], axis=1)
     speed = np.linalg.norm(labels.velocity[label] - shown.velocity[box], axis=1)
     return Score(
-        mAP=mean_over_classes(truth, [found]),
+        mAP=mAP,
         objects=len(labels),
         found=len(label),
         right_class=int((labels.label[label] == shown.label[box]).sum()),

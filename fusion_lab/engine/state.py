@@ -151,6 +151,11 @@ class LabState:
             return DOWNPOUR
         return Weather(self.condition, self.severity)
 
+    def is_current(self, modality: str) -> bool:
+        """Whether what a sensor gives is of the keyframe that is shown: it is neither dead nor late."""
+        is_late = self.late == modality and self.milliseconds > 0
+        return getattr(self, modality) not in ("dead", "stale") and not is_late
+
     def faults(self, beams: int) -> list[Fault]:
         """What is wrong with the sensors, as the reader applies it; the LiDAR has ``beams``."""
         found = []

@@ -8,7 +8,8 @@ and its change count the same objects.
 import copy
 import os
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, cast
@@ -26,11 +27,12 @@ from data_gen.scene.conditions import Condition, ConditionMix
 from data_gen.scene.scene import Scene
 from data_gen.sensors.common.event import CaptureEvent
 from data_gen.sensors.sense import sense_each
+from fusion_lab.engine.ray_memory import RayMemory
 from fusion_lab.engine.state import Weather
 from fusion_net.common.cli.command import build
 from fusion_net.common.cli.composed import composed
 from fusion_net.common.cli.overrides import CONFIGS
-from fusion_net.common.nuscenes_format import MANIFEST_FILE
+from fusion_net.common.nuscenes_format import DEPTH_SUFFIX, MANIFEST_FILE
 from fusion_net.common.random import stream
 from fusion_net.nuscenes.nuscenes import NuScenes
 from fusion_net.nuscenes.table_fields import Record
@@ -38,6 +40,10 @@ from fusion_net.nuscenes.table_fields import Record
 CLEAR = Weather("clear", 1)
 RENDERED = "weather"
 """Folder of the files of other weather, below that of the scenes."""
+REMEMBERED = 128 * 2**20
+"""Bytes of what rays have met that are kept: of a keyframe of the nano rig about 2 MB."""
+RENDERERS = 2
+"""Threads that render: camera and LiDAR with radar take about as long as each other."""
 
 
 @dataclass(frozen=True)
@@ -58,6 +64,7 @@ class Studio(NuScenes):
         self.job, self.conditions = job, conditions
         self.weather: Mapping[str, Weather] = {}
         self._episodes: dict[int, Episode] = {}
+        self._memory, self._renderers = RayMemory(REMEMBERED), ThreadPoolExecutor(RENDERERS)
         self.scenes: list[list[str]] = []
         """Sample tokens of each scene, in order of time."""
         for token in self.split("all"):
@@ -87,13 +94,32 @@ class Studio(NuScenes):
             self._render(record, weather, folder)
         return path
 
+    def has_exact_depth(self, sample: str) -> bool:
+        """Whether exact depth lies beside each image of a sample."""
+        images = map(self.path, self._records(sample, "camera"))
+        return all(path.with_suffix(DEPTH_SUFFIX).is_file() for path in images)
+
+    def prepare(self, sample: str, modalities: Sequence[str]) -> None:
+        """Renders what these modalities lack of a sample, side by side."""
+        list(self._renderers.map(lambda name: self._prepare(sample, name), modalities))
+
+    def _prepare(self, sample: str, modality: str) -> None:
+        if self.weather.get(modality, CLEAR).name != CLEAR.name:
+            for record in self._records(sample, modality):
+                self.path(record)
+
+    def _records(self, sample: str, modality: str) -> list[Record]:
+        """Of a sample, those whose sensor is of a modality."""
+        records = (r for r in self.sample_data_of[self.scene(sample)["token"]] if r["sample_token"] == sample)
+        return [record for record in records if self.modalities[self.channel(record)] == modality]
+
     def rehearse(self) -> None:
         """Builds every scene and renders every condition once, for nobody: what is compiled and loaded for the first time
         takes seconds."""
         for place in range(len(self.scenes)):
             episode = self._episode(place)
-        for name in self.severities:
-            scene = episode.scene.under(self._condition(Weather(name, 1), episode))
+        for name, severity in self.severities.items():  # the worst has all that the milder ones have
+            scene = episode.scene.under(self._condition(Weather(name, severity), episode))
             for _ in sense_each(scene, [_copy(event) for event in episode.events[0]]):
                 pass
 
@@ -103,7 +129,8 @@ class Studio(NuScenes):
         keyframe = self.scenes[place].index(record["sample_token"])
         modality, episode = self.modalities[self.channel(record)], self._episode(place)
         events = [_copy(event) for event in episode.events[keyframe] if event.mount.modality == modality]
-        filenames = self._filenames(record["sample_token"])
+        records = self._records(record["sample_token"], modality)
+        filenames = {(self.channel(each), each["timestamp"]): each["filename"] for each in records}
         names = SceneNames(self.job.data.name, episode.scene.name, place)
         scene = episode.scene.under(self._condition(weather, episode))
         with tempfile.TemporaryDirectory(dir=self.root) as draft:  # a file is there whole, or not at all
@@ -115,16 +142,12 @@ class Studio(NuScenes):
                 for path in (*beside, Path(draft) / target.name):
                     os.replace(path, target.parent / path.name)
 
-    def _filenames(self, sample: str) -> dict[tuple[str, int], str]:
-        """Of a sample's records, by channel and time stamp in us."""
-        records = self.sample_data_of[self.scene(sample)["token"]]
-        return {(self.channel(r), r["timestamp"]): r["filename"] for r in records if r["sample_token"] == sample}
-
     def _episode(self, place: int) -> Episode:
         """A scene by its place in the data set, built when it is first needed."""
         if place not in self._episodes:
             job, seed = self.job, self.job.scene_seed(place)
             scene = job.scene(place, job.data.splits()[place])
+            self._memory.serve(scene)
             events = list(capture_events(job.rig, keyframes=job.data.keyframes, seed=seed))
             self._episodes[place] = Episode(scene, seed, class_ids(scene), events)
         return self._episodes[place]

@@ -8,6 +8,8 @@ import sys
 
 def check_port(host: str, port: int) -> None:
     """ValueError when nothing can listen there."""
+    if not 1 <= port <= 65_535:
+        raise ValueError(f"port={port} is not within 1 to 65535; the default is 8765")
     try:
         family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
         with socket.socket(family, socket.SOCK_STREAM) as probe:

@@ -6,6 +6,7 @@ from typing import Any
 from nicegui import ui
 
 from fusion_lab.engine.state import CHOICES, RANGES, LabState, Offer, Range
+from fusion_lab.page.slider import Slider
 from fusion_lab.views.screen import VIEWS
 from fusion_net.common.drawing import label
 
@@ -19,12 +20,12 @@ TITLES = {
     "layer": "Whose map", "merge": "The sensors meet", "metres": "Distance of the person",
 }  # fmt: skip
 WORDS: dict[str, Callable[[Any], str]] = {
-    "severity": "{:.0f} of 3".format, "degrees": "{:+.1f}°".format, "centimetres": "{:+.0f} cm".format,
+    "degrees": "{:+.1f}°".format, "centimetres": "{:+.0f} cm".format,
     "milliseconds": "{:.0f} ms".format, "threshold": "{:.2f}".format, "offset": "{:+.1f}°".format, "u": "{:.0%}".format,
     "v": "{:.0%}".format, "confidence": "power {:.1f}".format, "metres": "{:.0f} m".format,
     "frame": lambda value: str(int(value) + 1),
 }  # fmt: skip
-"""How the value of a slider is written beside it."""
+"""How the value of a slider is written beside it and read out, but for the severity."""
 HEALTH = {"blinded": "blinded by the low sun", "rained out": "rained out", "stale": "stale: an old frame"}
 DEPTH = {"uniform": "uniform: unknown", "lidar": "LiDAR returns", "oracle": "oracle: exact"}
 INLINE = ("level", "view", "layer", "merge")
@@ -62,7 +63,9 @@ class Controls:
                 if element.value != value:
                     element.set_value(value)
                 if caption is not None:
-                    caption.set_text(WORDS[name](value))
+                    words = self._read_out(name, state)
+                    caption.set_text(words)
+                    element.say(words)
                 if name == "severity":
                     element.set_enabled(self._offer.conditions[state.condition] > 1)
         finally:
@@ -78,6 +81,12 @@ class Controls:
         element.props[":option-disable"] = f"option => {places}.includes(option.value)"
         element.props["hint"] = "; ".join(dict.fromkeys(reasons.values()))
         element.update()
+
+    def _read_out(self, name: str, state: LabState) -> str:
+        """The value of a slider in words."""
+        if name == "severity":
+            return f"{state.severity} of {self._offer.conditions[state.condition]}"
+        return WORDS[name](getattr(state, name))
 
     def _word(self, name: str, choice: Any) -> str:
         if name == "scene":
@@ -104,11 +113,9 @@ class Controls:
         self._elements.append((name, element, None))
 
     def _slider(self, name: str, numbers: Range, mark: str) -> None:
-        low, high, step = numbers
         with ui.element("div").classes("wide slider"):
             with ui.row().classes("captions"):
                 ui.label(TITLES[name]).classes("caption")
                 caption = ui.label().classes("value")
-            element = ui.slider(min=low, max=high, step=step, on_change=lambda event: self._set(name, event.value))
-            element.props(f'aria-label="{TITLES[name]}" dense {mark}')
+            element = Slider(numbers, TITLES[name], lambda event: self._set(name, event.value)).props(mark)
         self._elements.append((name, element, caption))

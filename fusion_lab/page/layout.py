@@ -27,6 +27,11 @@ GROUPS = {
     "Network": ("depth", "threshold"),
 }
 """The controls beside the pictures, by what they are about."""
+ONE_NAME = """
+for (const image of document.querySelectorAll(".picture > img")) image.alt = ""
+for (const boxes of document.querySelectorAll(".picture > svg")) boxes.ariaHidden = "true"
+"""
+"""A picture is named as a whole; its parts would be read out as pictures without a name."""
 
 
 class Layout:
@@ -67,6 +72,7 @@ class Layout:
                         for field in fields:
                             controls.one(field)
                 ui.button("Nothing wrong", on_click=repair).props("outline no-caps data-testid=repair")
+        ui.run_javascript(ONE_NAME)
 
     def _build_guide(self, step: Callable[[int], None]) -> None:
         with _card("Guide"):

@@ -1,7 +1,7 @@
 """One open page: its state, its elements, and what it shows. Two tabs are two pages and know nothing of each other."""
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from html import escape
@@ -10,6 +10,7 @@ from typing import Any
 from nicegui.client import Client
 from nicegui.events import MouseEventArguments
 
+from fusion_lab.engine.ahead import far, near
 from fusion_lab.engine.answers import Lab
 from fusion_lab.engine.state import RANGES, LabState
 from fusion_lab.engine.steps import STEPS, state_of
@@ -19,10 +20,13 @@ from fusion_lab.page.gallery import Gallery
 from fusion_lab.page.layout import Layout
 from fusion_lab.views.screen import VIEWS, Picture, Screen, draw, figure
 from fusion_net.common.drawing import label
+from fusion_net.common.nuscenes_format import MODALITIES
 
-IDLE_SECONDS = 0.7
-"""Without a change, after which the other keyframes of the scene are looked at for its score."""
+IDLE_SECONDS = 0.3
+"""Without a change, after which the page works ahead."""
 SCENE_SCORE = "mAP of the whole scene"
+Work = tuple[Callable[[], Any], Callable[[Any], None]]
+"""Something to be done, and who takes the answer."""
 
 
 class Page:
@@ -32,12 +36,17 @@ class Page:
         self.client, self.offer, self.state = client, lab.offer, state
         self._gallery, self._lab, self._worker = gallery, lab, worker
         self._loop = asyncio.get_running_loop()
-        self._is_waiting = False
-        self._scored: LabState | None = None  # whose scene the score is of, or will be
+        self._is_waiting = self._is_closed = self._has_failed = False
+        self._scored: LabState | None = None  # of whose scene the score is shown
         self._controls = Controls(self.offer, self.change)
         self._on = Layout(self._controls, step=self._take_step, play=self._next, pick=self._pick, repair=self._repair)
         self._follow()
         self._ask()
+
+    @property
+    def _scene(self) -> LabState:
+        """What all keyframes of the scene are seen in: states that agree in it have one score of the scene."""
+        return replace(self.state.seen_as(self.offer.beams[0]), frame=0)
 
     def say(self, words: str) -> None:
         """Shows a sentence above everything; "" takes it away."""
@@ -52,7 +61,7 @@ class Page:
 
     def close(self) -> None:
         """Forgets all that the page wanted: it is gone."""
-        self._scored = None
+        self._is_closed = True
         self._worker.forget(self.client.id)
         self._gallery.drop(self.client.id)
 
@@ -64,19 +73,27 @@ class Page:
 
     def _ask(self) -> None:
         self._is_waiting = True
-        self._on.status.props('data-settled="false"')
-        self._wish(partial(draw, self._lab, self.state), self._show)
+        self._on.status.props["data-settled"] = "false"
+        self._wish(partial(draw, self._lab, self.state, compared=False), self._show)
 
-    def _wish(self, work: Callable[[], Any], take: Callable[[Any], None]) -> None:
+    def _wish(self, work: Callable[[], Any], take: Callable[[Any], None], *, idle: bool = False) -> None:
         """Has ``work`` done in the worker's thread, in place of what waits there, and its answer taken in this one."""
-        self._worker.submit(self.client.id, work, lambda answer: self._loop.call_soon_threadsafe(take, answer))
+        deliver = partial(self._loop.call_soon_threadsafe, take)
+        self._worker.submit(self.client.id, work, deliver, idle=idle)
 
     def _show(self, screen: Screen | Exception) -> None:
         """Shows what came back. When something else has been set since, the next screen follows."""
-        if isinstance(screen, Exception):
-            self._is_waiting = False
-            self.say(f"This setting cannot be shown: {' '.join(str(screen).split())}")
+        if self._is_closed:
             return
+        if isinstance(screen, Exception):
+            self._is_waiting, self._has_failed = False, True
+            self.say(f"This setting cannot be shown: {' '.join(str(screen).split())}")
+            self._on.status.set_text("The pictures are of the setting before")
+            self._on.status.props["data-settled"] = "true"
+            return
+        if self._has_failed:
+            self._has_failed = False
+            self.say("")
         on, layout = self._on, label(self.offer.layouts[screen.state.scene])
         on.title.set_text(f"Camera: {layout}, keyframe {screen.state.frame + 1} of {self.offer.frames}")
         for name, picture in (("camera", screen.camera), ("ground", screen.ground), ("view", screen.view)):
@@ -86,10 +103,17 @@ class Page:
         self._view_size = screen.view.size if screen.view else (1, 1)
         self._controls.forbid_depth(screen.forbidden)
         if screen.state == self.state:
+            if self._is_waiting:  # the second screen of a state only adds the comparison
+                on.status.set_text(f"Answered in {screen.ms:.0f} ms")
             self._is_waiting = False
-            on.status.set_text(f"Answered in {screen.ms:.0f} ms")
-            on.status.props('data-settled="true"')
-            self._want_scene_score()
+            on.status.props["data-shown"] = self.state.query()
+            if not screen.is_compared:
+                self._wish(partial(draw, self._lab, self.state), self._show)
+                return
+            on.status.props["data-settled"] = "true"
+            if self._scene != self._scored:
+                on.scene_score.set_content(f'<div class="figure"><b>...</b><span>{SCENE_SCORE}</span></div>')
+            self._loop.call_later(IDLE_SECONDS, self._work_ahead, self.state, self._works(self.state))
 
     def _set_picture(self, name: str, picture: Picture | None) -> None:
         image = self._on.pictures[name]
@@ -100,27 +124,37 @@ class Page:
             image.style(f"max-width: {picture.size[0]}px")
             image.props(f'role="img" aria-label="{escape(picture.alt, quote=True)}"')
 
-    def _want_scene_score(self) -> None:
-        """The score of the whole scene, if it is another than the one that is shown."""
-        scene = replace(self.state.seen_as(self.offer.beams[0]), frame=0)
-        if scene != self._scored:
-            self._scored = scene
-            self._on.scene_score.set_content(f'<div class="figure"><b>...</b><span>{SCENE_SCORE}</span></div>')
-            self._loop.call_later(IDLE_SECONDS, self._look_at_scene, scene, 0)
+    def _work_ahead(self, state: LabState, works: Iterator[Work]) -> None:
+        """Has the ``works`` done one after the other for as long as ``state`` is what is set."""
+        if state == self.state and not self._is_closed and (work := next(works, None)):
+            wish, take = work
 
-    def _look_at_scene(self, scene: LabState, frame: int, answer: Any = None) -> None:
-        """Has the keyframes of the scene seen, one after the other; what is set meanwhile comes first."""
-        if scene != self._scored or isinstance(answer, Exception):
-            return
-        if self._is_waiting:
-            self._scored = None  # asked for again when that is shown
-        elif frame < self.offer.frames:
-            self._wish(partial(self._lab.look, scene, frame), partial(self._look_at_scene, scene, frame + 1))
-        else:
-            self._wish(partial(self._lab.scene_score, scene), partial(self._show_scene_score, scene))
+            def go_on(answer: Any) -> None:
+                take(answer)
+                self._work_ahead(state, works)
+
+            self._wish(wish, go_on, idle=True)
+
+    def _works(self, state: LabState) -> Iterator[Work]:
+        """What is done while nothing is set: what one step of a slider asks for, the score of the scene, other weather."""
+        for each in near(state, self.offer):
+            yield from self._preparations(each)
+        scene = self._scene
+        if scene != self._scored:
+            for frame in range(self.offer.frames):
+                for each in (scene, scene.undisturbed):
+                    yield partial(self._lab.look, replace(each, frame=frame)), _nobody
+            yield partial(self._lab.scene_score, scene), partial(self._show_scene_score, scene)
+        for each in far(state, self.offer):
+            yield from self._preparations(each)
+
+    def _preparations(self, state: LabState) -> Iterator[Work]:
+        for modality in MODALITIES:
+            yield partial(self._lab.prepare, state, modality), _nobody
 
     def _show_scene_score(self, scene: LabState, answer: tuple[float, float] | Exception) -> None:
-        if scene == self._scored and not isinstance(answer, Exception):
+        if scene == self._scene and not isinstance(answer, Exception):
+            self._scored = scene
             self._on.scene_score.set_content(figure(SCENE_SCORE, *answer, "{:.2f}", good=1))
 
     def _follow(self) -> None:
@@ -158,3 +192,7 @@ class Page:
         if self.state.view in VIEWS and "u" in VIEWS[self.state.view].fields:
             width, height = self._view_size
             self.change(u=RANGES["u"].nearest(event.image_x / width), v=RANGES["v"].nearest(event.image_y / height))
+
+
+def _nobody(answer: Any) -> None:
+    """Takes the answer of what is only to be known or to lie on disk; if it failed, whoever wants it is told."""

@@ -1,6 +1,6 @@
 """Boxes as SVG over a picture: labels dashed, detections drawn through, so that they differ by more than their colour."""
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from html import escape
 
 import numpy as np
@@ -11,6 +11,7 @@ from fusion_lab.views.pictures import RADAR_SECONDS, SCALE, panel_of
 from fusion_net.common.boxes import Boxes, box_corners
 from fusion_net.common.drawing import box_edges, label
 
+Point = Sequence[float]
 LABEL, FOUND = "#63e06a", "#ff9a2e"
 STYLES = {"label": f'stroke="{LABEL}" stroke-dasharray="6 4"', "found": f'stroke="{FOUND}"'}
 
@@ -22,11 +23,12 @@ def on_camera(answer: Answer) -> str:
         shift = place * SCALE * sample.images.shape[2]
         view = {"cam_K": sample.cam_K[place], "ego_T_cam": sample.ego_T_cam[place], "scale": float(SCALE)}
         for kind, boxes in (("label", sample.boxes), ("found", answer.shown)):
-            for row in range(len(boxes)):
-                edges = box_edges(boxes[[row]], **view)
-                if len(edges) and _is_inside(edges, sample.images.shape[1:3]):
-                    path = "".join(f"M{x + shift:.1f} {y:.1f}L{u + shift:.1f} {v:.1f}" for (x, y), (u, v) in edges)
-                    parts.append(_group(kind, boxes, row, answer.classes, f'<path d="{path}"/>'))
+            edges, owner = box_edges(boxes, **view)
+            edges, owner = _of_visible(edges, owner, sample.images.shape[1:3])
+            for row in np.unique(owner).tolist():
+                lines = edges[owner == row].tolist()
+                path = "".join(f"M{x + shift:.1f} {y:.1f}L{u + shift:.1f} {v:.1f}" for (x, y), (u, v) in lines)
+                parts.append(_group(kind, boxes, row, answer.classes, f'<path d="{path}"/>'))
     return "".join(parts)
 
 
@@ -35,14 +37,17 @@ def on_ground(answer: Answer) -> str:
     panel, parts = panel_of(answer.grid), []
     for kind, boxes in (("label", answer.sample.boxes), ("found", answer.shown)):
         corners = box_corners(boxes.center, boxes.wlh, boxes.yaw)[:, [1, 3, 7, 5], :2]
-        for row in range(len(boxes)):
-            center, front = panel.pixels([boxes.center[row, :2], corners[row, :2].mean(axis=0)])
-            shapes = _polygon(panel.pixels(corners[row])) + _line(center, front)
-            velocity = np.nan_to_num(boxes.velocity[row])
-            if np.linalg.norm(velocity) > 0.5:
-                shapes += _line(
-                    center, panel.pixels([boxes.center[row, :2] + RADAR_SECONDS * velocity])[0], ' stroke-width="1"'
-                )
+        velocity = np.nan_to_num(boxes.velocity)
+        outlines = panel.pixels(corners.reshape(-1, 2)).reshape(-1, 4, 2).tolist()
+        centers, fronts, soon = (
+            panel.pixels(xy).tolist()
+            for xy in (boxes.center, corners[:, :2].mean(axis=1), boxes.center[:, :2] + RADAR_SECONDS * velocity)
+        )
+        moves = np.linalg.norm(velocity, axis=1) > 0.5
+        for row, outline in enumerate(outlines):
+            shapes = _polygon(outline) + _line(centers[row], fronts[row])
+            if moves[row]:
+                shapes += _line(centers[row], soon[row], ' stroke-width="1"')
             parts.append(_group(kind, boxes, row, answer.classes, shapes))
     return "".join(parts)
 
@@ -65,19 +70,17 @@ def _group(kind: str, boxes: Boxes, row: int, classes: list[str], shapes: str) -
     )
 
 
-def _polygon(points: NDArray) -> str:
-    return f'<polygon points="{_joined(points)}"/>'
+def _polygon(points: Sequence[Point]) -> str:
+    return f'<polygon points="{" ".join(f"{x:.1f},{y:.1f}" for x, y in points)}"/>'
 
 
-def _line(start: NDArray, end: NDArray, more: str = "") -> str:
+def _line(start: Point, end: Point, more: str = "") -> str:
     return f'<line x1="{start[0]:.1f}" y1="{start[1]:.1f}" x2="{end[0]:.1f}" y2="{end[1]:.1f}"{more}/>'
 
 
-def _joined(points: Iterable) -> str:
-    return " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
-
-
-def _is_inside(edges: NDArray, size: tuple[int, ...]) -> bool:
-    """Whether any end of the edges lies in the picture."""
-    (x, y), (height, width) = edges.reshape(-1, 2).T, size
-    return bool(((x >= 0) & (x < SCALE * width) & (y >= 0) & (y < SCALE * height)).any())
+def _of_visible(edges: NDArray, owner: NDArray, size: tuple[int, ...]) -> tuple[NDArray, NDArray]:
+    """Edges (E, 2, 2) and their boxes' rows (E,), of the boxes of which the end of any edge lies in the picture."""
+    (x, y), (height, width) = np.moveaxis(edges, -1, 0), size
+    inside = ((x >= 0) & (x < SCALE * width) & (y >= 0) & (y < SCALE * height)).any(axis=1)
+    visible = np.isin(owner, owner[inside])
+    return edges[visible], owner[visible]

@@ -56,12 +56,13 @@ class Screen:
     score: str
     ms: float
     forbidden: dict[str, str] = field(default_factory=dict)
+    is_compared: bool = True  # the score has its change against nothing being wrong
 
 
-def draw(lab: Lab, state: LabState) -> Screen:
-    """The screen of a state."""
+def draw(lab: Lab, state: LabState, *, compared: bool = True) -> Screen:
+    """The screen of a state; ``compared`` as in :meth:`Lab.answer`."""
     began = time.perf_counter()
-    answer = lab.answer(state)
+    answer = lab.answer(state, compared=compared)
     boxes = f"{len(answer.sample.boxes)} labelled objects and {len(answer.shown)} detections"
     view = VIEWS[state.view].content(answer) if state.view in VIEWS else Content("")
     forbidden = lab.no_depth(state)
@@ -71,9 +72,10 @@ def draw(lab: Lab, state: LabState) -> Screen:
         ground=picture(ground_picture(answer), on_ground(answer), f"The ground from above with {boxes}"),
         view=None if view.picture is None else picture(view.picture, view.overlay, view.alt),
         panel=view.panel,
-        score=score_card(answer.score, answer.plain),
+        score=score_card(answer.score, answer.plain or answer.score),
         ms=1e3 * (time.perf_counter() - began),
         forbidden=forbidden,
+        is_compared=answer.plain is not None,
     )
 
 

@@ -128,15 +128,18 @@ def boxes_on_image(
     image: Image, boxes: Boxes, *, cam_K: NDArray, ego_T_cam: NDArray, color: Color, scale: float = 1.0
 ) -> None:
     """Ego boxes as wire frames on a camera's image that was enlarged by ``scale``; the front face has its diagonals."""
-    for a, b in _fixed(box_edges(boxes, cam_K=cam_K, ego_T_cam=ego_T_cam, scale=scale)).tolist():
+    edges, _ = box_edges(boxes, cam_K=cam_K, ego_T_cam=ego_T_cam, scale=scale)
+    for a, b in _fixed(edges).tolist():
         cv2.line(image, a, b, color, 1, cv2.LINE_AA, _SHIFT)
 
 
-def box_edges(boxes: Boxes, *, cam_K: NDArray, ego_T_cam: NDArray, scale: float = 1.0) -> NDArray[np.float64]:
+def box_edges(
+    boxes: Boxes, *, cam_K: NDArray, ego_T_cam: NDArray, scale: float = 1.0
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """The wire frames of ego boxes on a camera's image that was enlarged by ``scale``: pixels (E, 2, 2), start and end of each
-    edge, of those that are ahead; the front face has its diagonals."""
+    edge, of those that are ahead, and the row (E,) of each edge's box; the front face has its diagonals."""
     if not len(boxes):
-        return np.zeros((0, 2, 2))
+        return np.zeros((0, 2, 2)), np.zeros(0, np.int64)
     corners = box_corners(boxes.center, boxes.wlh, boxes.yaw)
     corners = transform(np.linalg.inv(ego_T_cam), corners.reshape(-1, 3)).reshape(-1, 8, 3)
     edges = np.concatenate([EDGES, [(0, 3), (1, 2)]])
@@ -144,7 +147,8 @@ def box_edges(boxes: Boxes, *, cam_K: NDArray, ego_T_cam: NDArray, scale: float 
     ahead = np.maximum(start[:, 2], end[:, 2]) > NEAR
     start, end = start[ahead], end[ahead]
     start, end = _cut(start, end), _cut(end, start)
-    return np.stack([np.clip(project(cam_K, points)[0] * scale, -5e3, 5e3) for points in (start, end)], axis=1)
+    pixels = np.stack([np.clip(project(cam_K, points)[0] * scale, -5e3, 5e3) for points in (start, end)], axis=1)
+    return pixels, np.repeat(np.arange(len(boxes)), len(edges))[ahead]
 
 
 def dots(image: Image, pixels: NDArray[np.float64], color: ArrayLike, radius: int = 1) -> None:

@@ -64,15 +64,23 @@ def test_the_threshold_decides_what_is_shown_and_not_what_is_found(lab, state):
 
 def test_what_one_state_set_is_gone_in_the_next(lab, state):
     before = lab.answer(state)
-    lab._found.cache_clear()
+    lab._found.clear()
     lab.answer(replace(state, depth="uniform", camera="blinded", degrees=3.0))
     after = lab.answer(state)
     np.testing.assert_array_equal(after.found.score, before.found.score)
 
 
+def test_the_comparison_is_left_out_only_where_the_network_would_have_to_run_for_it(lab, state):
+    lab._found.clear()
+    broken = replace(state, radar="dead")
+    assert lab.answer(broken, compared=False).plain is None
+    assert lab.answer(broken).plain is not None
+    assert lab.answer(replace(state, lidar="dead"), compared=False).plain is not None
+
+
 def test_the_score_of_the_scene_has_no_change_where_nothing_is_wrong(lab, state):
     for frame in range(lab.offer.frames):
-        lab.look(state, frame)
+        lab.look(replace(state, frame=frame))
     now, before = lab.scene_score(state)
     assert now == before
 

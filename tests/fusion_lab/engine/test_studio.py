@@ -3,7 +3,7 @@
 import pytest
 
 from fusion_lab.engine.state import DOWNPOUR, Weather
-from fusion_lab.engine.studio import open_studio
+from fusion_lab.engine.studio import RENDERED, open_studio
 from fusion_net.common.nuscenes_format import MODALITIES
 from tests.fixtures.small_lab import generated
 
@@ -33,6 +33,14 @@ def test_the_weather_of_one_sensor_leaves_the_files_of_the_others(studio):
     mixed, clear = studio.under({"lidar": DOWNPOUR}), files(studio)
     changed = {name for name, content in files(mixed).items() if content != clear[name]}
     assert {name.split("/")[0] for name in changed} == {"LIDAR_TOP"}
+
+
+def test_what_is_prepared_are_the_files_of_one_keyframe(studio):
+    sample = studio.scenes[1][0]
+    studio.under(dict.fromkeys(MODALITIES, Weather("spray", 2))).prepare(sample, MODALITIES)
+    folder = studio.root / RENDERED / "spray_2"
+    for record in studio.tables["sample_data"].values():
+        assert (folder / record["filename"]).is_file() == (record["sample_token"] == sample)
 
 
 def test_what_was_rendered_is_kept_and_nothing_half_written_is(studio):

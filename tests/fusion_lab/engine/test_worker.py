@@ -24,12 +24,12 @@ class Bench:
             raise ValueError("a bad wish")
         return wish
 
-    def submit(self, sender, wish):
+    def submit(self, sender, wish, **when):
         def deliver(answer):
             self.done.append((sender, answer))
             self.delivered.release()
 
-        self.worker.submit(sender, lambda: self.work(wish), deliver)
+        self.worker.submit(sender, lambda: self.work(wish), deliver, **when)
 
     def finish(self, count):
         for _ in range(count):
@@ -82,3 +82,22 @@ def test_what_fails_is_delivered_and_the_next_is_answered(bench):
     bench.finish(1)
     assert isinstance(bench.done[0][1], ValueError)
     assert bench.done[1] == ("page", "good")
+
+
+def test_what_is_done_ahead_waits_until_nobody_has_a_wish(bench):
+    bench.submit("page", 0)
+    assert bench.started.acquire(timeout=PATIENCE)
+    bench.submit("page", "ahead", idle=True)
+    bench.submit("other", 1)
+    bench.finish(3)
+    assert bench.done == [("page", 0), ("other", 1), ("page", "ahead")]
+
+
+def test_a_new_wish_drops_what_its_sender_wanted_done_ahead(bench):
+    bench.submit("page", 0)
+    assert bench.started.acquire(timeout=PATIENCE)
+    bench.submit("page", "ahead", idle=True)
+    bench.submit("page", 1)
+    bench.submit("other", 2)
+    bench.finish(3)
+    assert bench.done == [("page", 0), ("page", 1), ("other", 2)]

@@ -25,6 +25,12 @@ def test_a_host_that_is_not_this_machine_is_refused(host):
         check_port(host, 8765)
 
 
+@pytest.mark.parametrize("port", [0, -1, 65_536])
+def test_a_port_that_there_is_not_is_refused(port):
+    with pytest.raises(ValueError, match=f"port={port} is not within 1 to 65535"):
+        check_port("127.0.0.1", port)
+
+
 def test_a_server_has_no_screen(monkeypatch):
     monkeypatch.setattr("sys.platform", "linux")
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):

@@ -173,7 +173,7 @@ def _draw_matches(axes: Axes, example: Numbers, sensors: Sequence[str]) -> None:
             axes.plot([y0, y1], [x0, x1], color=color, linewidth=1.5)
     axes.invert_xaxis()
     axes.set_aspect("equal", adjustable="datalim")
-    axes.legend(frameon=False, fontsize=8, loc="upper left")
+    axes.legend(frameon=False, fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2)
     counts = ", ".join(f"{len(example[kind])} {kind}" for kind in KIND_COLORS)
     _named(axes, f"where most went wrong: {counts}", "to the left, m", "ahead, m")
 

@@ -78,7 +78,10 @@ class Page:
 
     def _wish(self, work: Callable[[], Any], take: Callable[[Any], None], *, idle: bool = False) -> None:
         """Has ``work`` done in the worker's thread, in place of what waits there, and its answer taken in this one."""
-        deliver = partial(self._loop.call_soon_threadsafe, take)
+
+        def deliver(answer: Any) -> None:
+            self._loop.call_soon_threadsafe(take, answer)
+
         self._worker.submit(self.client.id, work, deliver, idle=idle)
 
     def _show(self, screen: Screen | Exception) -> None:

@@ -69,7 +69,8 @@ def commands_again(doc: Mapping[str, Any], result: Mapping[str, Any]) -> list[st
     """What to type to get the same scores: the data, the training, the evaluation. Shipped weights are scored without training
     them, which comes last. What was recorded by no command is said in a comment."""
     scored = result["scored"]
-    training = [*_making(result.get("data") or [], result.get("made_by") or {})]
+    made_by = (scored.get("made_by") or {}) | (result.get("made_by") or {})  # older runs did not note it
+    training = [*_making(result.get("data") or [], made_by)]
     training += [f"python {retyped(result['command'])}"] if result.get("command") else []
     scoring = [*_making(scored["data"], scored.get("made_by") or {}), f"python {retyped(doc['command'])}"]
     if scored["checkpoint"].endswith(".pt"):

@@ -148,7 +148,7 @@ MISTAKES = [
     (TRAIN, "dataset.workers=-1", "dataset.workers=-1 is not a number of processes"),
     (TRAIN, f"encoders=[camera,camera] {ANY_DATA}", "'camera' is there twice"),
     (TRAIN, f"grid.cell=0 {ANY_DATA}", "cell=0.0 must be above 0"),
-    (TRAIN, "grid=graded grid.rows=200", "take rows=112 or fewer, or cell=0.224 or less"),
+    (TRAIN, f"grid=graded grid.rows=200 {ANY_DATA}", "take rows=112 or fewer, or cell=0.224 or less"),
     (TRAIN, f"data.root={'x' * 300}", "File name too long"),
     (EVAL, "run=null", "run=null is not a name"),
     (EVAL, "run=5", "no run at 5"),

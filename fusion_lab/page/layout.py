@@ -28,10 +28,15 @@ GROUPS = {
 }
 """The controls beside the pictures, by what they are about."""
 ONE_NAME = """
-for (const image of document.querySelectorAll(".picture > img")) image.alt = ""
-for (const boxes of document.querySelectorAll(".picture > svg")) boxes.ariaHidden = "true"
+const hide = () => {
+  for (const image of document.querySelectorAll(".picture img:not([alt=''])")) image.setAttribute("alt", "")
+  for (const boxes of document.querySelectorAll(".picture svg")) boxes.ariaHidden = "true"
+}
+hide()
+new MutationObserver(hide).observe(document.body, {childList: true, subtree: true})
 """
-"""A picture is named as a whole; its parts would be read out as pictures without a name."""
+"""A picture is named as a whole; its parts, which come when there is something to show, would be read out as pictures without a
+name."""
 
 
 class Layout:

@@ -58,7 +58,7 @@ def test_the_index_links_every_recipe():
 
 @pytest.fixture(scope="module")
 def clone(tmp_path_factory):
-    """A copy of the project in which recipes run one after the other, with ``python`` this interpreter."""
+    """A copy of the project in which recipes run one after the other."""
     folder = tmp_path_factory.mktemp("clone")
     for name in PARTS:
         source = ROOT / name
@@ -68,8 +68,6 @@ def clone(tmp_path_factory):
             folder / name,
             **({"ignore": shutil.ignore_patterns("__pycache__", "golden")} if source.is_dir() else {}),
         )
-    (folder / "bin").mkdir()
-    (folder / "bin" / "python").symlink_to(sys.executable)
     if DEVKIT.exists():
         (folder / DEVKIT.name).symlink_to(DEVKIT)
     write_real_tree(folder / "nuscenes")
@@ -86,7 +84,7 @@ def test_the_commands_of_a_recipe_work(page, clone):
     if "launcher=" in script:
         pytest.importorskip("hydra_plugins.hydra_joblib_launcher", reason="pip install -e '.[launchers]'")
     script = script.replace("/data/nuscenes", str(clone / "nuscenes"))
-    path = f"{clone / 'bin'}:{Path(sys.executable).parent}:{os.environ['PATH']}"
+    path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
     environment = os.environ | {"PATH": path, "OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
     done = subprocess.run(
         ["bash", "-euxc", script], cwd=clone, env=environment, capture_output=True, text=True, check=False

@@ -14,9 +14,9 @@ from fusion_net.common.geometry import from_rpy
 from fusion_net.common.nuscenes_format import MODALITIES
 from fusion_net.data.datamodule import make_loader
 from fusion_net.detector import Calibration, Detections, Detector
-from fusion_net.evaluate import open_samples
 from fusion_net.evaluation.drop_table import predict
 from fusion_net.runs.run_dir import open_run
+from fusion_net.runs.samples import open_samples
 from fusion_net.runs.trained import trained_run
 from tests.fixtures.tiny_tree import CAM_K, OPTICAL
 from tests.fixtures.training_setup import settings as run_settings

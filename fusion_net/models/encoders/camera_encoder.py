@@ -7,6 +7,7 @@ import torch.nn.functional as F
 from beartype import beartype
 from torch import Tensor, nn
 
+from fusion_net.common.checks import check_names
 from fusion_net.common.nuscenes_format import MODALITIES
 from fusion_net.data.batch import Batch
 from fusion_net.models.blocks.layers import ConvBlock
@@ -117,3 +118,13 @@ class CameraEncoder(nn.Module):
             index = SplatIndex.of(pixel, cell.flatten()[pixel], pixels=depth.numel(), cells=cells)
             weights = torch.ones_like(pixel, dtype=depth.dtype)
         return to_map(splat(columns.flatten(0, 3), weights, index), len(depth), grid)
+
+
+def lift_by(model: nn.Module, depth_source: str) -> None:
+    """Has a trained detector's camera lifted by other depths than it learned with, so that what they are worth shows."""
+    check_names("depth_source", [depth_source], DEPTH_SOURCES)
+    cameras = [part for part in model.modules() if isinstance(part, CameraEncoder)]
+    if not cameras:
+        raise ValueError(f"depth_source={depth_source}: this detector has no camera whose features are lifted")
+    for camera in cameras:
+        camera.depth_source = depth_source

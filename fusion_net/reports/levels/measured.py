@@ -12,7 +12,6 @@ from tqdm import tqdm
 
 from fusion_net.common.nuscenes_format import MODALITIES
 from fusion_net.data.datamodule import NuScenesDataset
-from fusion_net.evaluate import open_samples
 from fusion_net.evaluation.cells.cell import Cell
 from fusion_net.evaluation.cells.costs import dependent_parameters, input_bytes, merged_bytes, stage_times
 from fusion_net.evaluation.cells.measure import measure
@@ -23,6 +22,7 @@ from fusion_net.models.precision import autocast
 from fusion_net.nuscenes.kept_files import keeping_files
 from fusion_net.reports.levels.runs import LevelRun, weights_hash
 from fusion_net.runs.run_dir import environment
+from fusion_net.runs.samples import open_samples
 from fusion_net.runs.trained import Trained, trained_run
 
 COSTS = "costs"

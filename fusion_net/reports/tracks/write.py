@@ -17,7 +17,6 @@ from fusion_net.common.cli.override_values import nearest
 from fusion_net.common.nuscenes_format import MODALITIES
 from fusion_net.data.batch import Batch
 from fusion_net.data.datamodule import NuScenesDataset, make_loader
-from fusion_net.evaluate import open_samples
 from fusion_net.evaluation.bootstrap import over_scenes, resample_scenes
 from fusion_net.evaluation.drop_table import RESAMPLING_SEED, predict
 from fusion_net.evaluation.result_folder import result_folder
@@ -34,6 +33,7 @@ from fusion_net.reports.tracks.picture import busiest_scene, draw_tracks
 from fusion_net.reports.tracks.table import NOTES, as_row, as_text, write_tables
 from fusion_net.runs.checks import check_counts
 from fusion_net.runs.run_dir import environment
+from fusion_net.runs.samples import open_samples
 from fusion_net.runs.trained import Trained, trained_of
 
 FUSED_TRACKS = "fused tracks"

@@ -14,9 +14,9 @@ from fusion_net.common.checks import check_names
 from fusion_net.common.drawing import Image, picture_file
 from fusion_net.data.datamodule import NuScenesDataset
 from fusion_net.data.samples import labelled_boxes
-from fusion_net.evaluate import open_samples
 from fusion_net.evaluation.drop_table import Detector, predict
 from fusion_net.models.precision import autocast
+from fusion_net.runs.samples import open_samples
 from fusion_net.runs.trained import trained_of
 from fusion_net.viz.animation.frame import Moment, draw_frame
 

@@ -19,11 +19,11 @@ from fusion_net.common.cli.command import command
 from fusion_net.common.modalities import letters
 from fusion_net.common.nuscenes_format import CLASSES
 from fusion_net.data.datamodule import NuScenesDataset
-from fusion_net.evaluate import open_samples
 from fusion_net.evaluation.drop_table import SUBSETS, predict
 from fusion_net.models.precision import autocast
 from fusion_net.nuscenes.datasets import open_datasets, samples_of_split
 from fusion_net.nuscenes.nuscenes import NuScenes
+from fusion_net.runs.samples import open_samples
 from fusion_net.runs.sources import OF_A_RUN
 from fusion_net.runs.trained import Trained, trained_of
 from fusion_net.viz.rerun_log.readings import Scene

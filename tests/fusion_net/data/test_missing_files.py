@@ -10,10 +10,11 @@ from fusion_net.common.fault_effects import Stale
 from fusion_net.common.faults import Fault
 from fusion_net.data.datamodule import NuScenesDataset
 from fusion_net.data.samples import SampleReader
-from fusion_net.evaluate import load_run
 from fusion_net.fit import fit
 from fusion_net.nuscenes.nuscenes import NuScenes
 from fusion_net.reports.statistics import write_statistics
+from fusion_net.runs.samples import open_samples
+from fusion_net.runs.trained import trained_run
 from fusion_net.viz.lidar_check import write_check
 from tests.fixtures.training_setup import settings, write_data
 
@@ -95,7 +96,7 @@ def test_every_command_refuses_them(root, tmp_path, monkeypatch):
     shutil.rmtree(root / "samples")
     for command in (
         lambda: fit(settings(root, "name=other")),
-        lambda: load_run(run),
+        lambda: open_samples(trained_run(run, "best")),
         lambda: write_statistics(str(root), out=str(tmp_path)),
         lambda: write_check(str(root), out=str(tmp_path / "check.png")),
     ):

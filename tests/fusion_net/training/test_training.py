@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 import torch
 
-from fusion_net.evaluate import load_run
 from fusion_net.fit import fit
 from fusion_net.nuscenes.nuscenes import NuScenes
+from fusion_net.runs.samples import open_samples
+from fusion_net.runs.trained import trained_run
 from fusion_net.training.module import DetectorModule
 from tests.fixtures.training_setup import settings, write_data
 
@@ -86,7 +87,8 @@ def test_modality_dropout_acts_from_its_share_on_and_is_logged(data, steps):
 def test_lidar_alone_trains_and_is_scored(data, steps, tmp_path):
     folder = fit(settings(data, "encoders=[lidar]", "trainer.fusion_steps=6", "name=lidar"))
     assert len(steps) == 6  # no camera, no stage of its own
-    model, dataset, _ = load_run(folder, checkpoint="last")
+    trained = trained_run(folder, "last")
+    model, dataset = trained.model(), open_samples(trained)
     batch = dataset.collate([dataset[0]])
     with torch.no_grad():
         boxes = model.decode(model(batch, torch.tensor([[True, False, True]])))  # no LiDAR: nothing to see, no failure

@@ -41,7 +41,7 @@ def place(data, tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         patch.setattr(DetectorModule, "training_step", spy)
-        patch.setattr("fusion_net.fit.LOG_EVERY", 1)
+        patch.setattr("fusion_net.training.trainer.LOG_EVERY", 1)
         patch.setattr(MetricsCSV.__init__, "__kwdefaults__", {"every": 1})
         fit(settings(data, *EARLY, "name=whole"))
     return folder, stages

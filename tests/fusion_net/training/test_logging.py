@@ -27,7 +27,7 @@ def run(data, tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         folder = tmp_path_factory.mktemp("runs")
         patch.chdir(folder)
-        patch.setattr("fusion_net.fit.LOG_EVERY", 2)
+        patch.setattr("fusion_net.training.trainer.LOG_EVERY", 2)
         patch.setattr(MetricsCSV.__init__, "__kwdefaults__", {"every": 2})
         return folder / fit(settings(data, "trainer.drop_table_at_validation=true", *STEPS))
 

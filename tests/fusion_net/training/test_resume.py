@@ -106,7 +106,7 @@ def setting():
     before = signal.signal(signal.SIGTERM, lambda *_: die())
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(callbacks.MetricsCSV.__init__, "__kwdefaults__", {"every": 2})
-        patch.setattr("fusion_net.fit.LOG_EVERY", 2)
+        patch.setattr("fusion_net.training.trainer.LOG_EVERY", 2)
         yield
     signal.signal(signal.SIGTERM, before)
 

@@ -115,7 +115,7 @@ def test_minutes_end_a_run_with_every_stage_and_a_score(data, steps, tmp_path, c
 
 def test_a_fixed_number_of_threads_is_not_watched(data, steps, monkeypatch):
     """Whatever else the machine does: that is what repeats a run to the bit."""
-    monkeypatch.setattr("fusion_net.fit.ThreadWatch", None)
+    monkeypatch.setattr("fusion_net.training.trainer.ThreadWatch", None)
     short = ["trainer.camera_steps=0", "trainer.camera_only_steps=0", "trainer.fusion_steps=1"]
     fit(settings(data, "trainer.threads=1", *short))
     assert len(steps) == 1

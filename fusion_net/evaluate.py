@@ -21,7 +21,7 @@ from fusion_net.evaluation.result_folder import result_folder
 from fusion_net.evaluation.scoring import GroundTruth, ground_truth
 from fusion_net.metrics.results import write_results
 from fusion_net.models.encoders.camera_encoder import lift_by
-from fusion_net.models.fusion_net import FusionNet
+from fusion_net.models.fusion_net import FusionNet, look_mirrored
 from fusion_net.models.late.late_fusion import LateFusion
 from fusion_net.models.precision import autocast
 from fusion_net.nuscenes.tables import manifest
@@ -102,12 +102,14 @@ def evaluate_run(cfg: DictConfig) -> None:
 
 
 def _model(cfg: DictConfig, trained: Trained) -> FusionNet | LateFusion:
-    """The detector, its camera lifted as ``depth_source`` says."""
+    """The detector, its camera lifted as ``depth_source`` says, the scene seen as ``mirror_test`` does."""
     model = trained.model()
     if cfg.audit_gate is not None and isinstance(model, LateFusion):
         raise ValueError(f"audit_gate={cfg.audit_gate}: late fusion is judged by its own gate; write late.gate=0.99")
     if cfg.depth_source:
         lift_by(model, cfg.depth_source)
+    if cfg.mirror_test:
+        look_mirrored(model)
     return model
 
 
@@ -129,9 +131,10 @@ def _target(cfg: DictConfig, trained: Trained, dataset: NuScenesDataset, changes
 
 
 def _changed(cfg: DictConfig, dataset: NuScenesDataset) -> list[str]:
-    """What is done to the detector's inputs or depth, as parts of a folder's name."""
+    """What is done to the detector's inputs, depth or view, as parts of a folder's name."""
     fault = [f"{cfg.fault.name}_{cfg.fault.severity}"] if dataset.reader.faults else []
-    return [*fault, *([f"depth_{cfg.depth_source}"] if cfg.depth_source else [])]
+    depth = [f"depth_{cfg.depth_source}"] if cfg.depth_source else []
+    return [*fault, *depth, *(["mirror_test"] if cfg.mirror_test else [])]
 
 
 def _write_tables(one: Evaluation, table: DropTable) -> tuple[dict[str, Any], list[str]]:
@@ -217,6 +220,8 @@ def _notes(one: Evaluation) -> list[str]:
     """What a reader of the table has to know: how the detector is other than it was to be trained, or was trained."""
     depth_source, changes = one.cfg.depth_source, one.changes
     notes = [f"the camera's features were lifted by depth_source={depth_source}"] if depth_source else []
+    if one.cfg.mirror_test:
+        notes.append("each scene was also seen mirrored, and the mean of both answers taken: mirror_test=true")
     if cut := cut_short(one.trained.record):
         notes.append(cut)
     if changes:

@@ -13,6 +13,7 @@ from fusion_net.common.nuscenes_format import MODALITIES
 from fusion_net.data.batch import Batch
 from fusion_net.models.blocks.doppler import with_doppler_speed
 from fusion_net.models.blocks.layers import PRIOR_LOGIT
+from fusion_net.models.blocks.mirror import mean_maps, mirrored, mirrored_maps
 from fusion_net.models.blocks.outputs import Encoded, Outputs
 from fusion_net.models.center_head import CenterHead
 from fusion_net.models.encoders.image_network import ImageNetwork
@@ -27,8 +28,9 @@ class FusionNet(nn.Module):
 
     All BEV maps between the parts have ``bev_channels`` channels. ``velocity``: what the head regresses, the velocity or
     what is to be added to the radar's radial one, where there is radar. ``doppler_speed``: boxes with radar detections on them
-    move along their axis as fast as those say, whatever the head says. Where the losses weigh ``aux_heatmap``, each
-    encoder's own map gets a heat map head for training.
+    move along their axis as fast as those say, whatever the head says. ``mirror_test``, an attribute: in evaluation the scene
+    is also seen mirrored (:mod:`fusion_net.models.blocks.mirror`), which takes twice as long. Where the losses weigh
+    ``aux_heatmap``, each encoder's own map gets a heat map head for training.
     """
 
     built: Tensor  # (M,) which sensors the model reads
@@ -61,6 +63,7 @@ class FusionNet(nn.Module):
         self.fuser, self.decoder, self.head, self.losses = fuser, decoder, head, losses
         self.adds_radar_velocity = velocity == "radar_residual" and "radar" in modalities
         self.doppler_speed = doppler_speed and "radar" in modalities
+        self.mirror_test = False
         self.views = nn.ModuleDict()
         for name in self.encoders if losses.weights["aux_heatmap"] > 0 else ():
             self.views[name] = nn.Conv2d(bev_channels, head.num_classes, 1)
@@ -76,6 +79,16 @@ class FusionNet(nn.Module):
         A sensor that the model is not built with is absent, whatever the data holds: no encoder may read it.
         """
         batch = replace(batch, present=(batch.present if present is None else present) & self.built)
+        maps, encoded = self._maps(batch)
+        image = next((x.image for x in encoded.values() if x.image is not None), None)
+        if self.training:
+            return Outputs(maps, image, self._views(encoded, batch.present[:, self.columns]))
+        if self.mirror_test:
+            maps = mean_maps(maps, mirrored_maps(self._maps(mirrored(batch))[0]))
+        return Outputs(maps, image, detections=radar_detections(batch) if self.doppler_speed else ())
+
+    def _maps(self, batch: Batch) -> tuple[dict[str, Tensor], dict[str, Encoded]]:
+        """The head's maps, and what each encoder gave."""
         present = batch.present[:, self.columns]
         encoded = {
             name: encoder(batch) if present[:, i].any() else self._absent(batch)
@@ -85,10 +98,7 @@ class FusionNet(nn.Module):
         maps = self.head(self.decoder(fused))
         if self.adds_radar_velocity:
             maps["velocity"] = maps["velocity"] + radial_velocity(batch, self.grid)
-        image = next((x.image for x in encoded.values() if x.image is not None), None)
-        if self.training:
-            return Outputs(maps, image, self._views(encoded, present))
-        return Outputs(maps, image, detections=radar_detections(batch) if self.doppler_speed else ())
+        return maps, encoded
 
     def _views(self, encoded: dict[str, Encoded], present: Tensor) -> dict[str, tuple[Tensor, Tensor]]:
         """What each sensor that any sample has says alone."""
@@ -129,3 +139,13 @@ class FusionNet(nn.Module):
         if not outputs.detections:
             return found
         return [with_doppler_speed(boxes, seen) for boxes, seen in zip(found, outputs.detections, strict=True)]
+
+
+def look_mirrored(model: nn.Module) -> None:
+    """Has every network of a trained detector see each scene mirrored, too. ValueError where the grid's two sides differ."""
+    for part in model.modules():
+        if isinstance(part, FusionNet):
+            left_and_right = part.grid.centers()[..., 1]
+            if not torch.allclose(left_and_right, -left_and_right.flip(0), atol=1e-4):
+                raise ValueError(f"mirror_test=true: the grid is not as wide to the left as to the right: {part.grid}")
+            part.mirror_test = True

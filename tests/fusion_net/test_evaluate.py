@@ -128,3 +128,9 @@ def test_depths_that_lift_the_camera_are_named_and_need_a_camera(run):
         evaluate("depth_source=oracel")
     with pytest.raises(ValueError, match="depth_source=oracle: this detector has no camera whose features are lifted"):
         evaluate("depth_source=oracle")
+
+
+def test_a_second_look_in_the_mirror_needs_a_grid_with_equal_sides(run):
+    with pytest.raises(ValueError, match="mirror_test=true: the grid is not as wide to the left as to the right"):
+        evaluate("mirror_test=true")
+    assert not (run / "eval").exists()

@@ -8,7 +8,6 @@ from html import escape
 from typing import Any
 
 from nicegui.client import Client
-from nicegui.events import MouseEventArguments
 
 from fusion_lab.engine.ahead import far, near
 from fusion_lab.engine.answers import Lab
@@ -103,7 +102,6 @@ class Page:
             self._set_picture(name, picture)
         on.panel.set_content(screen.panel)
         on.score.set_content(screen.score)
-        self._view_size = screen.view.size if screen.view else (1, 1)
         self._controls.forbid_depth(screen.forbidden)
         if screen.state == self.state:
             if self._is_waiting:  # the second screen of a state only adds the comparison
@@ -119,13 +117,10 @@ class Page:
             self._loop.call_later(IDLE_SECONDS, self._work_ahead, self.state, self._works(self.state))
 
     def _set_picture(self, name: str, picture: Picture | None) -> None:
-        image = self._on.pictures[name]
-        image.set_visibility(picture is not None)
+        frame = self._on.pictures[name]
+        frame.set_visibility(picture is not None)
         if picture is not None:
-            image.set_source(self._gallery.put(self.client.id, name, picture.file))
-            image.set_content(picture.overlay)
-            image.style(f"max-width: {picture.size[0]}px")
-            image.props(f'role="img" aria-label="{escape(picture.alt, quote=True)}"')
+            frame.show(picture, self._gallery.put(self.client.id, name, picture.file))
 
     def _work_ahead(self, state: LabState, works: Iterator[Work]) -> None:
         """Has the ``works`` done one after the other for as long as ``state`` is what is set."""
@@ -190,11 +185,10 @@ class Page:
         if not self._is_waiting:
             self.change(frame=(self.state.frame + 1) % self.offer.frames)
 
-    def _pick(self, event: MouseEventArguments) -> None:
+    def _pick(self, u: float, v: float) -> None:
         """A click on the view's picture chooses a pixel."""
         if self.state.view in VIEWS and "u" in VIEWS[self.state.view].fields:
-            width, height = self._view_size
-            self.change(u=RANGES["u"].nearest(event.image_x / width), v=RANGES["v"].nearest(event.image_y / height))
+            self.change(u=RANGES["u"].nearest(u), v=RANGES["v"].nearest(v))
 
 
 def _nobody(answer: Any) -> None:

@@ -54,7 +54,7 @@ class Layout:
                 self.notice.set_visibility(False)
                 self._build_guide(step)
                 self._build_score()
-                with ui.element("div").classes("scene"):
+                with ui.element("div").classes("scene") as self.scene:
                     self._build_camera(play)
                     with _card("From above", "ground"):
                         ui.label("From above, ahead is up; circles every 10 m").classes("caption")

@@ -71,24 +71,33 @@ class Page:
             self._ask()
 
     def _ask(self) -> None:
-        self._is_waiting = True
+        self._wait(True)
         self._on.status.props["data-settled"] = "false"
         self._wish(partial(draw, self._lab, self.state, compared=False), self._show)
 
+    def _wait(self, is_waiting: bool) -> None:
+        """Whether what is shown is not yet what is set: the old pictures grow pale if that lasts."""
+        self._is_waiting = is_waiting
+        self._on.scene.props["aria-busy"] = str(is_waiting).lower()
+
     def _wish(self, work: Callable[[], Any], take: Callable[[Any], None], *, idle: bool = False) -> None:
-        """Has ``work`` done in the worker's thread, in place of what waits there, and its answer taken in this one."""
+        """Has ``work`` done in the worker's thread, in place of what waits there, and its answer taken in this one,
+        if the page is still there."""
+
+        def arrive(answer: Any) -> None:
+            if not self._is_closed:
+                take(answer)
 
         def deliver(answer: Any) -> None:
-            self._loop.call_soon_threadsafe(take, answer)
+            self._loop.call_soon_threadsafe(arrive, answer)
 
         self._worker.submit(self.client.id, work, deliver, idle=idle)
 
     def _show(self, screen: Screen | Exception) -> None:
         """Shows what came back. When something else has been set since, the next screen follows."""
-        if self._is_closed:
-            return
         if isinstance(screen, Exception):
-            self._is_waiting, self._has_failed = False, True
+            self._wait(False)
+            self._has_failed = True
             self.say(f"This setting cannot be shown: {' '.join(str(screen).split())}")
             self._on.status.set_text("The pictures are of the setting before")
             self._on.status.props["data-settled"] = "true"
@@ -106,7 +115,7 @@ class Page:
         if screen.state == self.state:
             if self._is_waiting:  # the second screen of a state only adds the comparison
                 on.status.set_text(f"Answered in {screen.ms:.0f} ms")
-            self._is_waiting = False
+            self._wait(False)
             on.status.props["data-shown"] = self.state.query()
             if not screen.is_compared:
                 self._wish(partial(draw, self._lab, self.state), self._show)

@@ -21,4 +21,3 @@ class PictureFrame(Element, component="picture.js"):  # type: ignore[call-arg]
         """Takes the place of what is shown as soon as the browser has the image from ``address``."""
         self.props["width"], self.props["height"] = picture.size
         self.props["src"], self.props["overlay"], self.props["alt"] = address, picture.overlay, picture.alt
-        self.update()

@@ -27,7 +27,9 @@ def address(tmp_path_factory):
     run = write_run(folder / "run")
     with serving(folder, f"run={run}", "data.num_scenes=2", "data.keyframes=3") as address:
         yield address
-    assert "Traceback" not in (folder / "log").read_text()
+    log = (folder / "log").read_text()
+    assert "Traceback" not in log
+    assert "deleted" not in log  # nothing was sent to a tab that is closed
 
 
 @pytest.fixture(scope="module")

@@ -15,22 +15,20 @@ from pathlib import Path
 import numpy as np
 from playwright.sync_api import Page, sync_playwright
 
-from tests.fixtures.lab_server import CHROMIUM, serving
+from tests.fixtures.lab_server import CHROMIUM, DRAWN, serving
 
 TARGET_MS = 500.0
 WEATHER = ("fog", "night", "rain", "glare", "spray", "dusk", "clear", "dusk, glare, spray")
 CLOCK = """
 for (const kind of ["keydown", "click"]) addEventListener(kind, () => { window.touched = performance.now() }, true)
 """
-SHOWN = """async (query) => {
+SHOWN = f"""async (query) => {{
   const status = document.querySelector("[data-testid=status]")
-  const here = () => status.dataset.shown === query
-  while (!here()) await new Promise(requestAnimationFrame)
-  const pictures = [...document.querySelectorAll(".picture img")].filter((each) => each.offsetParent)
-  await Promise.all(pictures.map((each) => each.decode()))
+  const drawn = () => status.dataset.shown === query && {DRAWN}
+  while (!drawn()) await new Promise(requestAnimationFrame)
   await new Promise(requestAnimationFrame)
   return performance.now() - window.touched
-}"""
+}}"""
 """Milliseconds from the last key or click until a state's pictures are decoded and drawn."""
 
 

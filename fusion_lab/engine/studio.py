@@ -85,8 +85,9 @@ class Studio(NuScenes):
 
     def path(self, record: Record) -> Path:
         """File of a sample_data record; rendered if need be."""
-        weather = self.weather.get(self.modalities[self.channel(record)], CLEAR)
-        if weather.name == CLEAR.name:
+        modality = self.modalities[self.channel(record)]
+        weather = self.weather.get(modality, CLEAR)
+        if not self._notices(modality, weather):
             return super().path(record)
         folder = self.root / RENDERED / f"{weather.name}_{weather.severity}"
         path = folder / record["filename"]
@@ -104,9 +105,15 @@ class Studio(NuScenes):
         list(self._renderers.map(lambda name: self._prepare(sample, name), modalities))
 
     def _prepare(self, sample: str, modality: str) -> None:
-        if self.weather.get(modality, CLEAR).name != CLEAR.name:
-            for record in self._records(sample, modality):
-                self.path(record)
+        for record in self._records(sample, modality):
+            self.path(record)
+
+    def _notices(self, modality: str, weather: Weather) -> bool:
+        """Whether a sensor measures something else than in clear weather: light, fog and a wet road are nothing to a radar."""
+        levels = self.conditions.presets[weather.name]
+        preset = levels[min(weather.severity, len(levels)) - 1]
+        is_wet = preset.spray or max(preset.rain_rate) > 0
+        return weather.name != CLEAR.name and (modality != "radar" or is_wet)
 
     def _records(self, sample: str, modality: str) -> list[Record]:
         """Of a sample, those whose sensor is of a modality."""

@@ -1,26 +1,34 @@
 """The pictures that open pages show, served by a route of their own."""
 
+from collections import OrderedDict
 from zlib import crc32
 
 from starlette.responses import Response
 
 ROUTE = "/pictures"
+KEPT = 12
+"""Pictures of a page that are kept: the three of the newest answer, and of those before, which a browser may still fetch."""
 
 
 class Gallery:
-    """The newest picture of each name of each page."""
+    """The newest pictures of each page."""
 
     def __init__(self) -> None:
-        self._files: dict[str, dict[str, bytes]] = {}
+        self._files: dict[str, OrderedDict[str, bytes]] = {}
 
     def put(self, page: str, name: str, file: bytes) -> str:
         """Keeps a JPEG; its address, which differs when the picture does."""
-        self._files.setdefault(page, {})[name] = file
-        return f"{ROUTE}/{page}/{name}?{crc32(file):08x}"
+        files = self._files.setdefault(page, OrderedDict())
+        key = f"{name}-{crc32(file):08x}"
+        files[key] = file
+        files.move_to_end(key)
+        while len(files) > KEPT:
+            files.popitem(last=False)
+        return f"{ROUTE}/{page}/{key}"
 
-    def get(self, page: str, name: str) -> Response:
+    def get(self, page: str, key: str) -> Response:
         """What the route answers."""
-        file = self._files.get(page, {}).get(name)
+        file = self._files.get(page, {}).get(key)
         if file is None:
             return Response(status_code=404)
         return Response(file, media_type="image/jpeg", headers={"Cache-Control": "no-store"})

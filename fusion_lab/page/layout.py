@@ -3,10 +3,10 @@
 from collections.abc import Callable
 
 from nicegui import ui
-from nicegui.events import MouseEventArguments
 
 from fusion_lab.engine.steps import STEPS
 from fusion_lab.page.controls import Controls
+from fusion_lab.page.picture import PictureFrame
 from fusion_lab.views.overlay import FOUND, LABEL
 from fusion_lab.views.screen import VIEWS
 
@@ -27,16 +27,6 @@ GROUPS = {
     "Network": ("depth", "threshold"),
 }
 """The controls beside the pictures, by what they are about."""
-ONE_NAME = """
-const hide = () => {
-  for (const image of document.querySelectorAll(".picture img:not([alt=''])")) image.setAttribute("alt", "")
-  for (const boxes of document.querySelectorAll(".picture svg")) boxes.ariaHidden = "true"
-}
-hide()
-new MutationObserver(hide).observe(document.body, {childList: true, subtree: true})
-"""
-"""A picture is named as a whole; its parts, which come when there is something to show, would be read out as pictures without a
-name."""
 
 
 class Layout:
@@ -49,11 +39,11 @@ class Layout:
         *,
         step: Callable[[int], None],
         play: Callable[[], None],
-        pick: Callable[[MouseEventArguments], None],
+        pick: Callable[[float, float], None],
         repair: Callable[[], None],
     ) -> None:
         self._controls = controls
-        self.pictures: dict[str, ui.interactive_image] = {}
+        self.pictures: dict[str, PictureFrame] = {}
         self.own_fields: dict[str, ui.element] = {}
         with ui.element("header").classes("top"):
             ui.html("<h1>Failure lab</h1>", sanitize=False)
@@ -64,7 +54,7 @@ class Layout:
                 self.notice.set_visibility(False)
                 self._build_guide(step)
                 self._build_score()
-                with ui.element("div").classes("scene"):
+                with ui.element("div").classes("scene") as self.scene:
                     self._build_camera(play)
                     with _card("From above", "ground"):
                         ui.label("From above, ahead is up; circles every 10 m").classes("caption")
@@ -77,7 +67,6 @@ class Layout:
                         for field in fields:
                             controls.one(field)
                 ui.button("Nothing wrong", on_click=repair).props("outline no-caps data-testid=repair")
-        ui.run_javascript(ONE_NAME)
 
     def _build_guide(self, step: Callable[[int], None]) -> None:
         with _card("Guide"):
@@ -105,20 +94,18 @@ class Layout:
             self._timer = ui.timer(SECONDS_A_KEYFRAME, play, active=False)
             ui.html(LEGEND, sanitize=False)
 
-    def _build_views(self, pick: Callable[[MouseEventArguments], None]) -> None:
+    def _build_views(self, pick: Callable[[float, float], None]) -> None:
         with _card("Views", "view"):
             self._controls.one("view")
             for name, view in VIEWS.items():
                 with ui.element("div").classes("wide") as self.own_fields[name]:
                     for field in view.fields:
                         self._controls.one(field, owner=name)
-            self._picture("view").on_mouse(pick)
+            self._picture("view", pick)
             self.panel = ui.html(sanitize=False).classes("panel").props("data-testid=panel")
 
-    def _picture(self, name: str) -> ui.interactive_image:
-        picture = ui.interactive_image(sanitize=False).classes("picture").props(f"data-testid={name}-picture")
-        self.pictures[name] = picture
-        return picture
+    def _picture(self, name: str, pick: Callable[[float, float], None] | None = None) -> None:
+        self.pictures[name] = PictureFrame(pick).props(f"data-testid={name}-picture")
 
     def _play_or_pause(self) -> None:
         self._timer.active = not self._timer.active

@@ -8,7 +8,6 @@ from html import escape
 from typing import Any
 
 from nicegui.client import Client
-from nicegui.events import MouseEventArguments
 
 from fusion_lab.engine.ahead import far, near
 from fusion_lab.engine.answers import Lab
@@ -72,24 +71,33 @@ class Page:
             self._ask()
 
     def _ask(self) -> None:
-        self._is_waiting = True
+        self._wait(True)
         self._on.status.props["data-settled"] = "false"
         self._wish(partial(draw, self._lab, self.state, compared=False), self._show)
 
+    def _wait(self, is_waiting: bool) -> None:
+        """Whether what is shown is not yet what is set: the old pictures grow pale if that lasts."""
+        self._is_waiting = is_waiting
+        self._on.scene.props["aria-busy"] = str(is_waiting).lower()
+
     def _wish(self, work: Callable[[], Any], take: Callable[[Any], None], *, idle: bool = False) -> None:
-        """Has ``work`` done in the worker's thread, in place of what waits there, and its answer taken in this one."""
+        """Has ``work`` done in the worker's thread, in place of what waits there, and its answer taken in this one,
+        if the page is still there."""
+
+        def arrive(answer: Any) -> None:
+            if not self._is_closed:
+                take(answer)
 
         def deliver(answer: Any) -> None:
-            self._loop.call_soon_threadsafe(take, answer)
+            self._loop.call_soon_threadsafe(arrive, answer)
 
         self._worker.submit(self.client.id, work, deliver, idle=idle)
 
     def _show(self, screen: Screen | Exception) -> None:
         """Shows what came back. When something else has been set since, the next screen follows."""
-        if self._is_closed:
-            return
         if isinstance(screen, Exception):
-            self._is_waiting, self._has_failed = False, True
+            self._wait(False)
+            self._has_failed = True
             self.say(f"This setting cannot be shown: {' '.join(str(screen).split())}")
             self._on.status.set_text("The pictures are of the setting before")
             self._on.status.props["data-settled"] = "true"
@@ -103,12 +111,11 @@ class Page:
             self._set_picture(name, picture)
         on.panel.set_content(screen.panel)
         on.score.set_content(screen.score)
-        self._view_size = screen.view.size if screen.view else (1, 1)
         self._controls.forbid_depth(screen.forbidden)
         if screen.state == self.state:
             if self._is_waiting:  # the second screen of a state only adds the comparison
                 on.status.set_text(f"Answered in {screen.ms:.0f} ms")
-            self._is_waiting = False
+            self._wait(False)
             on.status.props["data-shown"] = self.state.query()
             if not screen.is_compared:
                 self._wish(partial(draw, self._lab, self.state), self._show)
@@ -119,13 +126,10 @@ class Page:
             self._loop.call_later(IDLE_SECONDS, self._work_ahead, self.state, self._works(self.state))
 
     def _set_picture(self, name: str, picture: Picture | None) -> None:
-        image = self._on.pictures[name]
-        image.set_visibility(picture is not None)
+        frame = self._on.pictures[name]
+        frame.set_visibility(picture is not None)
         if picture is not None:
-            image.set_source(self._gallery.put(self.client.id, name, picture.file))
-            image.set_content(picture.overlay)
-            image.style(f"max-width: {picture.size[0]}px")
-            image.props(f'role="img" aria-label="{escape(picture.alt, quote=True)}"')
+            frame.show(picture, self._gallery.put(self.client.id, name, picture.file))
 
     def _work_ahead(self, state: LabState, works: Iterator[Work]) -> None:
         """Has the ``works`` done one after the other for as long as ``state`` is what is set."""
@@ -190,11 +194,10 @@ class Page:
         if not self._is_waiting:
             self.change(frame=(self.state.frame + 1) % self.offer.frames)
 
-    def _pick(self, event: MouseEventArguments) -> None:
+    def _pick(self, u: float, v: float) -> None:
         """A click on the view's picture chooses a pixel."""
         if self.state.view in VIEWS and "u" in VIEWS[self.state.view].fields:
-            width, height = self._view_size
-            self.change(u=RANGES["u"].nearest(event.image_x / width), v=RANGES["v"].nearest(event.image_y / height))
+            self.change(u=RANGES["u"].nearest(u), v=RANGES["v"].nearest(v))
 
 
 def _nobody(answer: Any) -> None:

@@ -32,9 +32,9 @@ def serve(lab: Lab, *, host: str, port: int, show: bool) -> None:
         opened.say(" ".join(notes))
         client.on_delete(opened.close)
 
-    @app.get(f"{ROUTE}/{{page}}/{{name}}")
-    def picture(page: str, name: str) -> Response:
-        return gallery.get(page, name)
+    @app.get(f"{ROUTE}/{{page}}/{{key}}")
+    def picture(page: str, key: str) -> Response:
+        return gallery.get(page, key)
 
     app.on_shutdown(worker.close)
     print(f"the failure lab is at http://{host}:{port}   (Ctrl-C ends it)", flush=True)

@@ -19,7 +19,7 @@ def files(nusc):
     return held
 
 
-@pytest.mark.parametrize("weather", [Weather("fog", 2), Weather("night", 1)])
+@pytest.mark.parametrize("weather", [Weather("fog", 2), Weather("night", 1), Weather("rain", 3)])
 def test_a_file_of_other_weather_is_to_the_byte_what_the_generator_writes_in_that_weather(studio, tmp_path, weather):
     overrides = (f"condition={weather.name}", f"condition.severity={weather.severity}")
     job = generated(tmp_path / "other", *overrides)
@@ -41,6 +41,17 @@ def test_what_is_prepared_are_the_files_of_one_keyframe(studio):
     folder = studio.root / RENDERED / "spray_2"
     for record in studio.tables["sample_data"].values():
         assert (folder / record["filename"]).is_file() == (record["sample_token"] == sample)
+
+
+def test_no_weather_without_rain_or_spray_is_rendered_for_a_radar_and_it_measures_the_same_in_all_of_it(
+    studio, tmp_path
+):
+    other = type(studio)(generated(tmp_path / "other", "condition=glare", "condition.severity=3"), studio.conditions)
+    glare = studio.under({"radar": Weather("glare", 3)})
+    for record in studio.tables["sample_data"].values():
+        if studio.modalities[studio.channel(record)] == "radar":
+            assert glare.path(record) == studio.path(record)
+            assert glare.path(record).read_bytes() == (other.root / record["filename"]).read_bytes()
 
 
 def test_what_was_rendered_is_kept_and_nothing_half_written_is(studio):

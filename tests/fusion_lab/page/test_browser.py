@@ -6,7 +6,7 @@ from urllib.parse import urlparse
 
 import pytest
 
-from tests.fixtures.lab_server import CHROMIUM, serving
+from tests.fixtures.lab_server import CHROMIUM, DRAWN, serving
 from tests.fixtures.untrained_run import write_run
 
 pytest.importorskip("nicegui", reason="the extra is not installed: python -m pip install -e '.[lab]'")
@@ -27,7 +27,9 @@ def address(tmp_path_factory):
     run = write_run(folder / "run")
     with serving(folder, f"run={run}", "data.num_scenes=2", "data.keyframes=3") as address:
         yield address
-    assert "Traceback" not in (folder / "log").read_text()
+    log = (folder / "log").read_text()
+    assert "Traceback" not in log
+    assert "deleted" not in log  # nothing was sent to a tab that is closed
 
 
 @pytest.fixture(scope="module")
@@ -54,6 +56,7 @@ def context(browser):
 def settle(page):
     """Waits until what is shown is what is set."""
     page.locator('[data-testid=status][data-settled="true"]').wait_for(timeout=ANSWER)
+    page.wait_for_function(DRAWN, timeout=ANSWER)
 
 
 def opened(context, address, query=""):
@@ -70,7 +73,7 @@ def shown(page):
     for name in ("camera", "ground"):
         picture = page.get_by_test_id(f"{name}-picture")
         pictures[name] = picture.locator("img").get_attribute("src")
-        pictures[f"{name} boxes"] = picture.locator("svg g g").count(), picture.locator("svg").inner_html()
+        pictures[f"{name} boxes"] = picture.locator("svg > g").count(), picture.locator("svg").inner_html()
     return texts | pictures
 
 
@@ -261,7 +264,6 @@ def accessible(page):
             yield found | {each["name"]: each["value"].get("value") for each in node["properties"]}
 
 
-@pytest.mark.xfail(reason="not finished: the image inside a picture is still read out without a name")
 @pytest.mark.parametrize("view", ["paint", "depth", "grid", "merge", "scale"])
 def test_a_screen_reader_is_told_the_name_of_every_control_and_picture_and_the_value(address, context, view):
     page = opened(context, address, f"?view={view}&condition=fog")
@@ -273,9 +275,8 @@ def test_a_screen_reader_is_told_the_name_of_every_control_and_picture_and_the_v
     assert page.get_by_test_id("severity").get_attribute("aria-valuetext") == "1 of 3"
 
 
-@pytest.mark.xfail(reason="not finished: on a slow machine the boxes had not moved after a turn by the keyboard")
 def test_the_keyboard_alone_reaches_every_control_and_sets_it(address, context):
-    page = opened(context, address, "?condition=fog&view=depth")
+    page = opened(context, address, "?condition=fog&view=depth&threshold=0.05")  # where an untrained network has boxes
     controls = {node["name"] for node in accessible(page) if node["role"] in ("slider", "combobox", "button")}
     for _ in range(2 * len(controls)):
         page.keyboard.press("Tab")

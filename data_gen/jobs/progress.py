@@ -37,8 +37,8 @@ class Progress:
         if not self._began:  # the first unit also took what is needed only once: it counts in no rate
             self._began, self._first = now, self.done
             if self._bar is not None:
-                self._bar.reset()
                 self._bar.initial = self._bar.n = self._bar.last_print_n = self.done
+                self._bar.unpause()  # its clock begins now
                 self._bar.refresh()
         elif self._bar is not None:
             self._bar.update()

@@ -11,7 +11,7 @@ from fusion_net.common.nuscenes_format import CLASSES
 from fusion_net.data.datamodule import NuScenesDataset
 from fusion_net.nuscenes.datasets import open_datasets, samples_of_split
 from fusion_net.viz.rerun_log import check
-from fusion_net.viz.rerun_log.write import choose, detect, output, subsets_of
+from fusion_net.viz.rerun_log.write import choose, detect, output, record, subsets_of
 from tests.fixtures import small_model
 from tests.fixtures.tiny_tree import write_tree
 
@@ -101,7 +101,7 @@ def test_the_command_records_a_scene_without_a_detector(samples, tmp_path, capsy
     assert printed.strip().endswith(f"open it with: rerun {path}")
     size = path.stat().st_size
     with pytest.raises(ValueError, match="overwrite=true"):
-        check.check_recording(composed("rerun_log", *settings))
+        record(composed("rerun_log", *settings))
     record(composed("rerun_log", *settings, "overwrite=true"))
     assert path.stat().st_size > size  # with all sweeps
     assert [file.name for file in path.parent.iterdir()] == ["a.rrd"]

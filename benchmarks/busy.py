@@ -12,6 +12,8 @@ import tempfile
 import time
 from pathlib import Path
 
+from fusion_net.nuscenes.absent import refuse_no_data
+
 BUSY = [sys.executable, "-c", "while True: pass"]
 TRAIN = """
 import train
@@ -82,8 +84,10 @@ def main(arguments: list[str]) -> None:
     if unknown := set(given) - set(KEYS):
         raise SystemExit(f"error: unknown {', '.join(sorted(unknown))}; there are {', '.join(KEYS)}")
     data, seconds = Path(given.get("data", "data/nano")), float(given.get("seconds", 20))
-    if not data.is_dir():
-        raise SystemExit(f"error: no data at {data}; make it with: python -m data_gen data=nano")
+    try:
+        refuse_no_data(data)
+    except ValueError as error:
+        raise SystemExit(f"error: {error}") from None
     cores = len(os.sched_getaffinity(0))
     rates: dict[str, dict[str, float]] = {"quiet": {}, "busy": {}}
     for load, found in rates.items():

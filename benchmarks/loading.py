@@ -68,8 +68,8 @@ def open_sets(root: Path, cache: str) -> tuple[NuScenesDataset, NuScenesDataset]
     """Training and validation samples as ``train.py`` opens them."""
     with initialize_config_dir(str(CONFIGS), version_base="1.3"):
         cfg = compose("train", overrides=[f"data.root={root}", f"dataset.cache={cache}"])
-    train = build(cfg.dataset.train, "dataset.train")
-    return train, build(cfg.dataset.val, "dataset.val", datasets=train.datasets)
+    train = build(cfg.dataset.train)
+    return train, build(cfg.dataset.val, datasets=train.datasets)
 
 
 def start(root: Path, cache: str) -> dict[str, float]:

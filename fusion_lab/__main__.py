@@ -15,14 +15,18 @@ def main(cfg: DictConfig) -> None:
         raise ValueError(
             "the failure lab needs NiceGUI, an optional extra: python -m pip install -c constraints.txt -e '.[lab]'"
         )
+    from fusion_lab.page.address import check_port
+    from fusion_net.runs.sources import checkpoint_path
+
+    runs = [cfg.run] if isinstance(cfg.run, str) else list(cfg.run or [])
+    check_port(cfg.host, cfg.port)  # both before torch is imported, which takes longer
+    for run in runs:
+        checkpoint_path(Path(run), cfg.checkpoint)
     from fusion_lab.engine.answers import Lab
     from fusion_lab.engine.detectors import offered
     from fusion_lab.engine.studio import open_studio
-    from fusion_lab.page.address import check_port
     from fusion_lab.page.serve import serve
 
-    check_port(cfg.host, cfg.port)
-    runs = [cfg.run] if isinstance(cfg.run, str) else list(cfg.run or [])
     trained = offered(runs, cfg.checkpoint)
     rig = next(iter(trained.values())).cfg.data.name
     size = {"scenes": cfg.data.num_scenes, "keyframes": cfg.data.keyframes}

@@ -23,7 +23,7 @@ from fusion_net.data.depth_labels import lidar_depth
 from fusion_net.detector_inputs import intrinsics, lidar_table, pictures, poses, radar_table
 from fusion_net.models.fusion_net import FusionNet
 from fusion_net.models.precision import autocast
-from fusion_net.runs.sources import names_weights
+from fusion_net.runs.sources import names_weights, shipped_names
 from fusion_net.runs.trained import Trained, shipped, trained_run
 
 Array = ArrayLike | Tensor
@@ -74,7 +74,10 @@ class Detector:
     @staticmethod
     def load(name: str | Path, *, device: torch.device | str = "cpu") -> "Detector":
         """Shipped weights by name ("nano") or by the path of their file (.pt), or the best checkpoint of a run by its folder
-        ("runs/mine"). FileNotFoundError where there is none."""
+        ("runs/mine"). FileNotFoundError where there is none, ValueError for what is no name."""
+        if not isinstance(name, str | Path) or not str(name).strip():
+            known = ", ".join(f'"{each}"' for each in shipped_names())
+            raise ValueError(f'detector: {name!r} names none; give shipped weights ({known}) or a run ("runs/mine")')
         is_file = names_weights(str(name))
         return Detector(shipped(str(name)) if is_file else trained_run(Path(name), "best"), device=device)
 
@@ -92,16 +95,21 @@ class Detector:
         ``images``: (N, H, W, 3) uint8 RGB of N cameras, or (H, W, 3) of one, with their ``calibration``; they are scaled and
         cut as the images that the detector was trained with. ``points`` (P, 3 to 5): LiDAR points x, y, z, intensity in [0, 1],
         and age in s (reference time minus the point's); what is left out is 0. ``radar`` (R, 6 or 7): x, y, z, RCS in dBsm,
-        the radial velocity over ground as a vector vx, vy in m/s, and age in s. No LiDAR point at all counts as a dead LiDAR.
-        ValueError or TypeError, with what would be right, when an array is none of these (:mod:`fusion_net.detector_inputs`).
+        the radial velocity over ground as a vector vx, vy in m/s, and age in s. No LiDAR point at all counts as a dead LiDAR,
+        and nothing is found where nothing else is given. ValueError or TypeError, with what would be right, when no sensor is
+        given or an array is none of these (:mod:`fusion_net.detector_inputs`).
         """
         given = {"camera": images, "lidar": points, "radar": radar}
         there = [sensor for sensor in MODALITIES if given[sensor] is not None]
+        if not there:
+            raise ValueError("detector: no sensor is given; give images (with calibration=...), points or radar")
         if unknown := [sensor for sensor in there if sensor not in self.sensors]:
             raise ValueError(f"detector: it has no encoder for {unknown[0]}; it takes {', '.join(self.sensors)}")
         lidar = lidar_table(points)
         seen, cam_K, ego_T_cam, depth = self._views(images, calibration, lidar)
         present = {"camera": images is not None, "lidar": len(lidar) > 0, "radar": radar is not None}
+        if not any(present.values()):
+            return self._named(Boxes.empty())
         returns = radar_table(radar)
         batch = Batch(
             tokens=["array"],

@@ -137,10 +137,10 @@ def _train(trainer: pl.Trainer, module: DetectorModule, batches: DataLoader, *, 
 
 def _datasets(cfg: DictConfig) -> tuple[NuScenesDataset, NuScenesDataset]:
     """Training and validation samples. ValueError when there is nothing to learn from."""
-    train_set: NuScenesDataset = build(cfg.dataset.train, "dataset.train")
+    train_set: NuScenesDataset = build(cfg.dataset.train)
     train, val, settings = cfg.dataset.train, cfg.dataset.val, cfg.trainer
     same = (val.root, val.version) == (train.root, train.version)
-    val_set: NuScenesDataset = build(val, "dataset.val", datasets=train_set.datasets if same else None)
+    val_set: NuScenesDataset = build(val, datasets=train_set.datasets if same else None)
     if len(train_set) < settings.batch_size:
         raise ValueError(
             f"{cfg.data.root} has {len(train_set)} training samples, fewer than trainer.batch_size={settings.batch_size};"

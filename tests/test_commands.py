@@ -23,7 +23,8 @@ ASSET_SHEET = ["-m", "data_gen.pictures.asset_sheet"]
 DATA_GEN = ["-m", "data_gen", "data=nano", "workers=1"]
 SHEET, PREVIEW = ["-m", "data_gen.pictures.contact_sheet"], ["-m", "data_gen.pictures.rig_preview"]
 ABLATION, COMPARE = ["-m", "fusion_net.reports.ablation"], ["-m", "fusion_net.reports.compare"]
-TRACKS = ["-m", "fusion_net.reports.tracks"]
+TRACKS, PAINTING = ["-m", "fusion_net.reports.tracks"], ["-m", "fusion_net.viz.painting"]
+ANIMATION, RERUN_LOG = ["-m", "fusion_net.viz.animation"], ["-m", "fusion_net.viz.rerun_log"]
 STATISTICS, LIDAR_CHECK = ["-m", "fusion_net.reports.statistics"], ["-m", "fusion_net.viz.lidar_check"]
 ANY_DATA = f"data.root={PROJECT / 'configs'}"
 """A folder that is there, of which nothing is read before a model is built."""
@@ -98,9 +99,10 @@ MISTAKES = [
     (TRAIN, "data.root=nowhere", "no data in nowhere; make some: python -m data_gen data=nano data.root=nowhere"),
     (EVAL, "rum=runs/base", "did you mean run?"),
     (EVAL, "split=val", "run is needed; write run=runs/NAME, or take shipped weights: checkpoint=nano"),
-    (EVAL, "checkpoint=nanoo", "no shipped weights nanoo; there are"),
+    (EVAL, "checkpoint=nanoo", "no shipped weights nanoo; did you mean nano?"),
+    (EVAL, "checkpoint=nan", "no shipped weights nan; did you mean nano?"),
     (EVAL, "run=a ship=a.ckpt", "ship=a.ckpt is no file of weights; end it with .pt"),
-    (TRAIN, "init=nanoo", "init=nanoo: no shipped weights nanoo; there are"),
+    (TRAIN, "init=nanoo", "init=nanoo: no shipped weights nanoo; did you mean nano?"),
     (ABLATION, "runs/sweeps/none", "no job of a sweep in runs/sweeps/none"),
     (ABLATION, "collect=true", "folder is needed; write folder=VALUE"),
     (COMPARE, "runs/mine", "name two runs at least"),
@@ -162,6 +164,11 @@ MISTAKES = [
     (PREVIEW, "rig=nanoo", "did you mean nano?"),
     (TRAIN, "data.root=[]", "data.root=[] names no folder of data"),
     (STATISTICS, "sample=3", "it is a setting of python -m fusion_net.viz.lidar_check"),
+    (
+        TRACKS,
+        "checkpoint=nano",
+        "no data in data/sequence; make some: python -m data_gen data=sequence data.root=data/seq",
+    ),
     (STATISTICS, "samples=none", "samples=none is not a whole number; the default is 300"),
     (STATISTICS, "data.root=nowhere", "no data in nowhere; make some: python -m data_gen"),
     (LIDAR_CHECK, "smple=1", "did you mean sample or split?"),
@@ -181,6 +188,25 @@ def test_a_mistake_is_one_line_and_writes_nothing(command, override, answer, tmp
     assert error.count("\n") == 1
     assert answer in error
     assert [path.name for path in tmp_path.iterdir() if path.name != "cli.log"] == []  # empty; Hydra makes it
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "command",
+    [
+        TRAIN, [*EVAL, "checkpoint=nano"], STATISTICS, LIDAR_CHECK, PAINTING, RERUN_LOG, [*RERUN_LOG, "checkpoint=nano"],
+        [*ANIMATION, "checkpoint=nano"], [*TRACKS, "checkpoint=nano", "data.root=null"],
+    ],
+    ids=lambda command: "_".join(command)[-30:],
+)  # fmt: skip
+def test_where_only_other_data_is_there_every_command_names_it(command, tmp_path, warm):
+    if command[:2] == RERUN_LOG:
+        pytest.importorskip("rerun", reason="the extra is not installed: python -m pip install -e '.[rerun]'")
+    (tmp_path / "data/try/v1.0-nano").mkdir(parents=True)
+    (tmp_path / "data/try/v1.0-nano/scene.json").write_text("[]")
+    code, _, error = warm.run(command, tmp_path)
+    make = "python -m data_gen data=nano data.root=data/nano"
+    assert (code, error) == (1, f"error: no data in data/nano; write data.root=data/try, or make some: {make}\n")
 
 
 @pytest.mark.slow

@@ -34,15 +34,20 @@ class Progress:
         """One unit more."""
         self.done += 1
         now = time.monotonic()
-        if self._bar is not None:
-            self._bar.update()
-        elif not self._began:  # the first unit also took what is needed only once
+        if not self._began:  # the first unit also took what is needed only once: it counts in no rate
             self._began, self._first = now, self.done
+            if self._bar is not None:
+                self._bar.initial = self._bar.n = self._bar.last_print_n = self.done
+                self._bar.unpause()  # its clock begins now
+                self._bar.refresh()
+        elif self._bar is not None:
+            self._bar.update()
         elif now - self._printed > EVERY:
             self._printed = now
-            rate = (self.done - self._first) / (now - self._began)
-            left = (self.total - self.done) / rate
-            self.say(f"{self.title}: {self.done}/{self.total} {self.unit}s, {rate:.1f} a second, {left:.0f} s left")
+            seconds = (now - self._began) / (self.done - self._first)
+            pace = f"{seconds:.1f} s a {self.unit}" if seconds > 1 else f"{1 / seconds:.1f} a second"
+            left = (self.total - self.done) * seconds
+            self.say(f"{self.title}: {self.done}/{self.total} {self.unit}s, {pace}, {left:.0f} s left")
 
     def say(self, line: str) -> None:
         """Prints a line on stderr, above the bar where there is one."""

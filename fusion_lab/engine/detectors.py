@@ -57,7 +57,7 @@ class Detector:
         """The keyframes of a data set as this detector reads them."""
         settings = self.trained.cfg.dataset.val.copy()
         settings.root, settings.version, settings.split, settings.cache = str(nusc.root), None, "all", "none"
-        dataset: NuScenesDataset = build(settings, "dataset", datasets=[nusc])
+        dataset: NuScenesDataset = build(settings, datasets=[nusc])
         return dataset
 
     @torch.inference_mode()

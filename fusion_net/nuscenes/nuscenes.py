@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from fusion_net.common.nuscenes_format import BEAMS, REFERENCE
+from fusion_net.nuscenes.absent import refuse_no_data
 from fusion_net.nuscenes.annotations import Annotations, AnnotationTable, BicycleRacks
 from fusion_net.nuscenes.mapped_tables import View, listed, map_tables
 from fusion_net.nuscenes.splits import read_splits
@@ -29,6 +30,7 @@ class NuScenes:
 
     def __init__(self, root: str | Path, version: str | None = None, *, mapped: bool = False) -> None:
         self.root = Path(root)
+        refuse_no_data(self.root)
         self.folder = version_folder(self.root, version)
         try:
             self.mapped = map_tables(self.root, self.folder) if mapped else None

@@ -18,7 +18,6 @@ LONGEST = 80
 
 def version_folder(root: Path, version: str | None = None) -> Path:
     """The folder ``v1.0-*`` of tables of a data set that is whole: the one of this name, or the only one."""
-    refuse_no_data(root)
     about = manifest(root)
     if not about.get("complete", True):
         command = generating_command(root, about) or "give the command that made it again"
@@ -39,13 +38,6 @@ def version_folder(root: Path, version: str | None = None) -> Path:
     if missing:
         raise ValueError(f"{folder} lacks {', '.join(f'{name}.json' for name in missing)}; {repair_advice(root)}")
     return folder
-
-
-def refuse_no_data(root: Path) -> None:
-    """ValueError where a folder of data is not there, or is empty."""
-    if not root.is_dir() or not any(root.iterdir()):
-        make = command_line("-m data_gen", data="nano", data__root=root)
-        raise ValueError(f"no data in {root}; make some: {make}")
 
 
 def versions(root: Path) -> list[str]:
@@ -73,7 +65,8 @@ def repair_advice(root: Path) -> str:
     about = manifest(root)
     if not about:
         return f"extract the archives of the data set into {root} again"
-    return f"delete {root} and generate it again: {generating_command(root, about) or 'python -m data_gen'}"
+    command = generating_command(root, about) or command_line("-m data_gen", data__root=root)
+    return f"delete {root} and generate it again: {command}"
 
 
 def load_tables(folder: Path) -> Tables:

@@ -11,10 +11,7 @@ from pathlib import Path
 from omegaconf import DictConfig
 
 from fusion_net.common.cli.command import command
-from fusion_net.nuscenes.datasets import open_datasets, samples_of_split
-from fusion_net.reports.dataset.page import render_page
-from fusion_net.reports.dataset.summary import summarize
-from fusion_net.reports.dataset.survey import survey
+from fusion_net.runs.checks import check_data
 
 
 def write_statistics(
@@ -30,6 +27,12 @@ def write_statistics(
     ``samples`` of them, spread evenly."""
     if samples < 1:
         raise ValueError(f"samples={samples} is not a number of keyframes: 1 or more")
+    check_data(root)  # before what reads and draws is imported, which takes longer
+    from fusion_net.nuscenes.datasets import open_datasets, samples_of_split
+    from fusion_net.reports.dataset.page import render_page
+    from fusion_net.reports.dataset.summary import summarize
+    from fusion_net.reports.dataset.survey import survey
+
     folders = [root] if isinstance(root, str) else list(root)
     found = survey(samples_of_split(open_datasets(root, version), split), files=samples)
     name = os.fsencode(", ".join(folders)).decode("utf-8", errors="replace")  # whatever the locale made of it

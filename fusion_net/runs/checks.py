@@ -2,13 +2,14 @@
 
 import math
 import os
+from collections.abc import Sequence
 from pathlib import Path
 
 from omegaconf import DictConfig, OmegaConf
 
 from fusion_net.common.checks import check_names
-from fusion_net.nuscenes.tables import refuse_no_data
-from fusion_net.runs.run_dir import refuse_folder, run_folder
+from fusion_net.nuscenes.absent import refuse_no_data
+from fusion_net.runs.run_dir import load_config, refuse_folder, run_folder
 from fusion_net.runs.sources import shipped_path, source_of
 
 RANKS = ("RANK", "LOCAL_RANK", "NODE_RANK")
@@ -33,13 +34,13 @@ def check_training(cfg: DictConfig) -> None:
         refuse_folder(folder, resume=cfg.resume, overwrite=cfg.overwrite)
     if cfg.init is not None:
         check_init(cfg.init)
-    _check_data(cfg)
+    check_data(cfg.data.root)
 
 
 def check_init(name: str) -> Path:
     """The file that ``init=NAME`` begins with. ValueError when there is none."""
     try:
-        return shipped_path(name)
+        return shipped_path(str(name))
     except FileNotFoundError as error:
         raise ValueError(f"init={name}: {error}") from error
 
@@ -52,8 +53,7 @@ def check_evaluation(cfg: DictConfig) -> None:
     if cfg.ship and not cfg.ship.endswith(".pt"):
         raise ValueError(f"ship={cfg.ship} is no file of weights; end it with .pt")
     check_late(cfg.late)
-    source_of(cfg)
-    _check_data(cfg)
+    check_detector(cfg)
 
 
 def check_late(late: DictConfig) -> None:
@@ -81,7 +81,17 @@ def check_counts(cfg: DictConfig) -> None:
             raise ValueError(f"{name}={cfg[name]} must be at least 1")
 
 
-def _check_data(cfg: DictConfig) -> None:
+def check_detector(cfg: DictConfig) -> None:
+    """ValueError or FileNotFoundError where ``run`` and ``checkpoint`` name no detector, or where the data that is shown to it
+    is not there: ``data.root``, or what the run was trained on. Shipped weights say the latter only to torch."""
+    source_of(cfg)
     root = cfg.data.root
+    if root is None and not OmegaConf.is_missing(cfg, "run"):
+        root = OmegaConf.select(load_config(Path(cfg.run)), "data.root")
+    check_data(root)
+
+
+def check_data(root: str | Sequence[str] | None) -> None:
+    """ValueError where a folder of ``data.root`` holds no data."""
     for folder in [root] if isinstance(root, str) else root or []:
         refuse_no_data(Path(folder))

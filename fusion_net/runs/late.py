@@ -149,7 +149,7 @@ def calibration_batches(cfg: DictConfig) -> DataLoader:
     )
     if "scenes" in cfg.dataset.train:
         settings.scenes = cfg.dataset.train.scenes
-    dataset: NuScenesDataset = build(settings, "dataset")
+    dataset: NuScenesDataset = build(settings)
     _, places = held_out(dataset, cfg.late.calibration_scenes)
     return DataLoader(Subset(dataset, places), batch_size=cfg.trainer.batch_size, collate_fn=dataset.collate)
 

@@ -1,6 +1,7 @@
 """The folder of one run: its settings and surroundings, written once and never overwritten unasked. Its checkpoints are read
 in :mod:`fusion_net.runs.checkpoints`, so that what is said of a folder needs no torch."""
 
+import difflib
 import json
 import os
 import platform
@@ -124,12 +125,7 @@ def load_config(folder: Path) -> DictConfig:
     """The settings a run was trained with. FileNotFoundError when there is no such run."""
     path = folder / "config.yaml"
     if not path.exists():
-        if folder.parts[:1] != ("runs",) and (Path("runs") / folder / "config.yaml").exists():
-            raise FileNotFoundError(f"no run at {folder}; it is {Path('runs') / folder}")
-        near = sorted(p.parent.name for p in folder.parent.glob("*/config.yaml")) if folder.parent.is_dir() else []
-        known = f"there are {', '.join(near)}; " if near else ""
-        name = folder.as_posix().removeprefix("runs/") if folder.parts[:1] == ("runs",) else folder.name
-        raise FileNotFoundError(f"no run at {folder}; {known}train it: {command_line('train.py', name=name or 'mine')}")
+        raise FileNotFoundError(f"no run at {folder}; {_instead(folder)}")
     try:
         loaded = OmegaConf.load(path)
     except (YAMLError, UnicodeDecodeError) as error:
@@ -137,6 +133,20 @@ def load_config(folder: Path) -> DictConfig:
     if not isinstance(loaded, DictConfig) or not loaded:
         raise ValueError(f"{path} holds no settings; train the run again")
     return OmegaConf.create(renewed(_literal(OmegaConf.to_container(loaded, resolve=False))))
+
+
+def _instead(folder: Path) -> str:
+    """What may be meant by a folder that is no run's, or how to make it one."""
+    runs = Path("runs")
+    is_below = folder.parts[:1] == runs.parts
+    if not is_below and (runs / folder / "config.yaml").exists():
+        return f"it is {runs / folder}"
+    beside = sorted(folder.parent.glob("*/config.yaml")) or sorted(runs.glob("*/config.yaml"))
+    near = {path.parent.name: path.parent for path in beside}
+    alike = difflib.get_close_matches(folder.name, near, n=1)
+    known = f"did you mean {near[alike[0]]}? Or " if alike else f"there are {', '.join(near)}; " if near else ""
+    name = folder.relative_to(runs).as_posix() if is_below else folder.name
+    return f"{known}train it: {command_line('train.py', name=name if name.strip('.') else 'mine')}"
 
 
 def _literal(value: Any) -> Any:

@@ -33,7 +33,7 @@ def open_samples(
     settings.split = split or settings.split
     if fault is not None:
         settings.faults = fault
-    dataset: NuScenesDataset = build(settings, "dataset")
+    dataset: NuScenesDataset = build(settings)
     if is_own_data:
         _check_data(trained, dataset)
     return dataset

@@ -5,6 +5,7 @@ from pathlib import Path
 from omegaconf import DictConfig, OmegaConf
 
 from fusion_net.common.cli.command_line import as_override, command_line
+from fusion_net.common.cli.override_values import nearest
 from fusion_net.common.cli.overrides import CONFIGS
 from fusion_net.runs.run_dir import load_config
 
@@ -70,8 +71,9 @@ def shipped_path(name: str) -> Path:
         if (Path("runs") / name / "config.yaml").exists():
             raise FileNotFoundError(f"no shipped weights {name}; there is a run of this name: runs/{name}")
         make = command_line("eval.py", run="runs/NAME", ship=f"checkpoints/{Path(name).stem}.pt")
+        known = nearest(Path(name).stem, shipped_names()) if shipped_names() else "there are none"
         raise FileNotFoundError(
-            f"no shipped weights {name}; there are {', '.join(shipped_names()) or 'none'}, and files are named by their"
-            f" path; of a run: {make}"
+            f"no shipped weights {name}; {f'{known} Files' if known.endswith('?') else f'{known}; files'} are named by their"
+            f" path (.pt); of a run: {make}"
         )
     return path

@@ -110,12 +110,21 @@ def test_no_return_is_no_mistake(detector):
     nothing = detector(points=np.zeros((0, 5)), radar=np.zeros((0, 7)))
     assert isinstance(nothing, Detections)
     assert np.isfinite(nothing.center).all()
-    assert len(detector()) == len(detector(points=np.zeros((0, 3))))
+    assert len(detector(radar=np.zeros((0, 7)))) == len(nothing)  # a radar that is there may see nothing
+
+
+def test_nothing_is_found_without_any_measurement_and_no_sensor_at_all_is_a_mistake(detector, dataset):
+    found = detector(points=np.zeros((0, 3)))  # a LiDAR without a return is dead
+    assert len(found) == 0
+    assert found[found.score > 0.3].center.shape == (0, 3)
+    for calibration in (None, arrays(dataset[0])["calibration"]):
+        with pytest.raises(ValueError, match=r"no sensor is given; give images .*, points or radar"):
+            detector(calibration=calibration)
 
 
 @settings(max_examples=25, deadline=None)
 @given(
-    sensors=st.sets(st.sampled_from(["images", "points", "radar"])),
+    sensors=st.sets(st.sampled_from(["images", "points", "radar"]), min_size=1),
     cameras=st.integers(1, 3),
     as_tensor=st.booleans(),
     seed=st.integers(0, 2**32 - 1),
@@ -231,6 +240,30 @@ def test_a_network_says_which_sensors_it_takes(folder, dataset):
 def test_weights_that_are_not_there_are_named():
     with pytest.raises(FileNotFoundError, match="no shipped weights nonsense"):
         Detector.load("nonsense")
+
+
+@pytest.mark.parametrize("name", [None, "", 5])
+def test_what_is_no_name_is_answered_with_those_there_are(name):
+    with pytest.raises(ValueError, match=rf'detector: {name!r} names none; give shipped weights \("nano", '):
+        Detector.load(name)
+
+
+@pytest.mark.parametrize(
+    ("name", "answer"),
+    [
+        ("nan", r"no shipped weights nan; did you mean nano\?"),
+        ("README.md", "no shipped weights README.md; there are nano, "),
+        ("data", "no run at data; there are mini; train it"),
+        ("mini", "there is a run of this name: runs/mini"),
+        ("runs/min", r"no run at runs/min; did you mean runs/mini\?"),
+    ],
+)
+def test_a_file_or_folder_that_is_no_detector_is_answered_with_the_nearest(folder, monkeypatch, name, answer):
+    monkeypatch.chdir(folder.parents[1])
+    (folder.parents[1] / "README.md").touch()
+    (folder.parents[1] / "data").mkdir(exist_ok=True)
+    with pytest.raises(FileNotFoundError, match=answer):
+        Detector.load(name)
 
 
 def test_a_folder_is_taken_for_a_run(folder, monkeypatch):

@@ -82,17 +82,20 @@ def _guard(function: Callable[[DictConfig], Any], cfg: DictConfig) -> Any:
         raise JobError from None
 
 
-def build(node: Any, where: str, **arguments: Any) -> Any:
-    """The object that a config node with ``_target_`` describes. A wrong name or type raises UserError naming the key."""
+def build(node: Any, where: str = "", **arguments: Any) -> Any:
+    """The object that a config node with ``_target_`` describes. A wrong name or type raises UserError that begins with its
+    key: that of the node, ``where``, and the key below. A data set has no ``where``: what it refuses are files, and named."""
     try:
         settings = OmegaConf.to_container(node, resolve=True) if OmegaConf.is_config(node) else node
         return instantiate(with_floats(settings), _convert_="all", **arguments)
     except InstantiationException as error:
         found = re.search(r"full_key: (\S+)", str(error))
-        key, reason = f"{where}.{found.group(1)}" if found else where, one_line(error.__cause__ or error)
+        key = ".".join(part for part in (where, found.group(1) if found else "") if part)
+        reason = one_line(error.__cause__ or error)
         if reason.startswith("Error loading"):
             reason = f"{reason.split(' Are you sure')[0]}; {WHERE_MODULES_ARE}"
-        raise UserError(reason if reason.startswith((f"{key}:", f"{key}.")) else f"{key}: {reason}") from error
+        is_named = not key or reason.startswith((f"{key}:", f"{key}."))
+        raise UserError(reason if is_named else f"{key}: {reason}") from error
 
 
 def one_line(error: BaseException) -> str:

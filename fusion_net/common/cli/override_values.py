@@ -79,7 +79,7 @@ def check_type(key: str, value: Any, default: Any) -> None:
     """A value must be of its default's kind. Nothing is known where that is null or a reference."""
     if isinstance(default, str) and "${" in default:
         return
-    if any(
+    if not isinstance(default, str) and any(
         isinstance(each, float) and not math.isfinite(each) for each in (value if isinstance(value, list) else [value])
     ):
         raise UserError(f"{key}={value} is not a finite number")

@@ -14,10 +14,13 @@ from fusion_net.common.cli.command_line import name_folder
 @command(config_name="ablation")
 def report(cfg: DictConfig) -> None:
     """Compares what ``cfg`` names."""
+    from fusion_net.reports.ablation.jobs import committed_in, find_jobs
+
+    folder, results = Path(cfg.folder), None if cfg.results is None else Path(cfg.results)
+    find_jobs(folder, committed_in(results, folder))  # before what draws is imported, which takes longer
     from fusion_net.reports.ablation.write import write_ablation
 
-    results = None if cfg.results is None else Path(cfg.results)
-    write_ablation(Path(cfg.folder), results=results, pages=Path(cfg.pages), keep=cfg.collect, reference=cfg.reference)
+    write_ablation(folder, results=results, pages=Path(cfg.pages), keep=cfg.collect, reference=cfg.reference)
 
 
 def main() -> None:

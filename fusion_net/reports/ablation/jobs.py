@@ -1,5 +1,6 @@
 """The jobs of a sweep: what lies in runs/sweeps/NAME, what is committed in docs/results/runs/NAME, and what is missing."""
 
+import difflib
 import json
 from dataclasses import dataclass
 from pathlib import Path
@@ -35,20 +36,34 @@ class Job:
         return tuple(text for text in self.overrides if not text.startswith("seed="))
 
 
-def find_jobs(folder: Path, committed: Path) -> list[Job]:
+def committed_in(results: Path | None, folder: Path) -> Path | None:
+    """Where the results of a sweep's folder are committed; None where those in the folder alone count."""
+    return None if results is None else results / folder.name
+
+
+def find_jobs(folder: Path, committed: Path | None) -> list[Job]:
     """Every job that either folder knows of, in the order of the sweep: with a result, begun or asked for. A job in both is
     taken from ``folder``. FileNotFoundError when there is none."""
     jobs = {job.name: job for job in _asked_for(folder)}
-    for path in sorted(committed.glob("*.json")):
+    for path in sorted(committed.glob("*.json") if committed else ()):
         jobs[path.stem] = _with_result(path.stem, read_result(path))
     for path in sorted(folder.glob("*/config.yaml")):
         job = _begun(path.parent)
         if job.result is not None or job.name not in jobs or jobs[job.name].result is None:
             jobs[job.name] = job
     if not jobs:
-        sweep = command_line(f"train.py -m +sweep={folder.name}")
-        raise FileNotFoundError(f"no job of a sweep in {folder} or {committed}; run one: {sweep}")
+        places = " or ".join(str(place) for place in (folder, committed) if place)
+        raise FileNotFoundError(f"no job of a sweep in {places}; {_instead(folder, committed)}")
     return sorted(jobs.values(), key=lambda job: (job.place, job.name))
+
+
+def _instead(folder: Path, committed: Path | None) -> str:
+    """The sweep that may be meant by a folder without jobs, or how to run one."""
+    others = {path.parents[1].name for path in folder.parent.glob("*/*/config.yaml")}
+    others |= {path.parent.name for path in (committed.parent.glob("*/*.json") if committed else ())}
+    alike = difflib.get_close_matches(folder.name, sorted(others), n=1)
+    known = f"did you mean {folder.parent / alike[0]}? Or " if alike else ""
+    return f"{known}run one: {command_line(f'train.py -m +sweep={folder.name}')}"
 
 
 def collect(jobs: list[Job], committed: Path) -> list[str]:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from fusion_net.common.cli.command_line import as_override
 from fusion_net.reports.ablation.compare import compare
-from fusion_net.reports.ablation.jobs import collect, find_jobs
+from fusion_net.reports.ablation.jobs import collect, committed_in, find_jobs
 from fusion_net.reports.ablation.pages import as_markdown, as_text
 from fusion_net.reports.ablation.plot import plot_ablation
 from fusion_net.reports.ablation.web_page import as_html
@@ -22,7 +22,7 @@ def write_ablation(
     written to."""
     if keep and results is None:
         raise ValueError("collect=true needs the folder that results are committed in; write results=DIR")
-    committed = Path("/nonexistent") if results is None else results / folder.name
+    committed = committed_in(results, folder)
     jobs = find_jobs(folder, committed)
     options = "".join(f" {key}" for key, is_set in (("collect=true", keep),) if is_set)
     typed = f"python -m fusion_net.reports.ablation {folder.as_posix()}{options}"

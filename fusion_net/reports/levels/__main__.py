@@ -15,9 +15,11 @@ from fusion_net.common.cli.typed import typed_command
 @command(config_name="levels")
 def report(cfg: DictConfig) -> None:
     """Compares what ``cfg`` names."""
+    from fusion_net.reports.ablation.jobs import committed_in, find_jobs
     from fusion_net.runs.checks import check_counts
 
     check_counts(cfg)  # before torch is imported, which takes longer
+    find_jobs(Path(cfg.folder), committed_in(Path(cfg.results), Path(cfg.folder)))
     from fusion_net.reports.levels.measured import Asked
     from fusion_net.reports.levels.write import write_levels
 

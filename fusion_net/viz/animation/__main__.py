@@ -12,9 +12,9 @@ from fusion_net.common.cli.command import command
 @command(config_name="animation")
 def main(cfg: DictConfig) -> None:
     """Animates the scene that ``cfg`` names."""
-    from fusion_net.runs.sources import source_of
+    from fusion_net.runs.checks import check_detector
 
-    source_of(cfg)  # before torch is imported, which takes longer
+    check_detector(cfg)  # before torch is imported, which takes longer
     from fusion_net.viz.animation.write import animate
 
     animate(cfg)

@@ -95,6 +95,7 @@ def test_what_names_no_run_is_refused(argument):
         ("name=it's a run", "name='it\\'s a run'"),
         ("name=2026_01", "name='2026_01'"),
         ("name=true", "name='true'"),
+        ("name=nan", "name='nan'"),
         ("fuser=1.50", "fuser='1.50'"),
         ("seed=2", "seed=2"),
         ("dataset.train.cache=none", "dataset.train.cache=none"),

@@ -10,7 +10,7 @@ import pytest
 from hydra import compose, initialize_config_dir
 
 from fusion_net.common.cli.command import CONFIGS
-from fusion_net.runs.checks import check_evaluation, check_training
+from fusion_net.runs.checks import check_data, check_evaluation, check_training
 from fusion_net.runs.sources import newest_runs, shipped_names
 
 
@@ -56,7 +56,15 @@ EVALUATIONS = [
     (["run=runs/a"], r"no checkpoint runs/a/checkpoints/best\.ckpt; there are last\.ckpt: pass checkpoint=last"),
     (["run=c"], "no run at c; it is runs/c"),
     (["checkpoint=c"], "no shipped weights c; there is a run of this name: runs/c"),
-    (["checkpoint=nanoo"], "no shipped weights nanoo; there are nano, early"),
+    (["checkpoint=nanoo"], r"no shipped weights nanoo; did you mean nano\? Files are named by their path"),
+    (["checkpoint=x1"], "no shipped weights x1; there are nano, early, late; files are named by their path"),
+    (["checkpoint=README.md"], "no shipped weights README.md; there are nano, early"),
+    (["run=nope"], r"no run at nope; there are a, c; train it: python train\.py name=nope"),
+    (
+        ["run=runs/study/bb"],
+        r"no run at runs/study/bb; did you mean runs/study/b\? Or train it: python train\.py name=study/bb",
+    ),
+    (["run=."], r"no run at \.; there are a, c; train it: python train\.py name=mine"),
     (
         ["checkpoint=nano", "data.root=none"],
         r"no data in none; make some: python -m data_gen data=nano data\.root=none",
@@ -84,11 +92,39 @@ def test_an_evaluation_is_refused(here, overrides, answer):
         check_evaluation(composed("eval", *overrides))
 
 
+def test_missing_data_is_answered_with_whole_data_sets_those_of_a_similar_name_first(here):
+    for name, complete in (("data/try", True), ("data/trial", True), ("data/half", False), ("other/fog", True)):
+        (here / name / "v1.0-x").mkdir(parents=True)
+        (here / name / "v1.0-x/scene.json").write_text("[]")
+        (here / name / "manifest.json").write_text(f'{{"complete": {str(complete).lower()}}}')
+    (here / "data/big/shard-1-of-2/v1.0-x").mkdir(parents=True)
+    (here / "data/empty").mkdir()
+    (here / "data/damaged").mkdir()
+    (here / "data/damaged/manifest.json").write_text("{")
+    tried = r"write data\.root=data/try \(others: data\.root=data/trial, data\.root=data/big\), or make some: "
+    with pytest.raises(ValueError, match=rf"no data in data/tri; {tried}.* data\.root=data/tri$"):
+        check_data("data/tri")
+    with pytest.raises(ValueError, match=r"no data in other/fgo; write data\.root=other/fog \(others: "):
+        check_data("other/fgo")
+    with pytest.raises(ValueError, match=r"make some: python -m data_gen data=sequence data\.root=other/sequence$"):
+        check_data(["data/try", "other/sequence"])
+    (here / "data/file.txt").touch()
+    with pytest.raises(ValueError, match=r"no data in data/file\.txt, which is a file; write data\.root=data/"):
+        check_data("data/file.txt")
+
+
+def test_the_data_that_a_run_was_trained_on_is_missed_before_torch_is_imported(here):
+    (here / "runs/c/config.yaml").write_text("data: {root: data/gone}\n")
+    with pytest.raises(ValueError, match=r"no data in data/gone; make some: .* data\.root=data/gone"):
+        check_evaluation(composed("eval", "run=runs/c", "checkpoint=last"))
+
+
 TRAININGS = [
     (["name=c", "data.root=tree"], "runs/c exists; pass name=ANOTHER, resume=true"),
     (["name=new", "data.root=tree", "resume=true"], "nothing to resume: there is no run runs/new"),
     (["name=new", "data.root=none"], "no data in none; make some"),
     (["name=new", "data.root=tree", "init=nanoo"], "init=nanoo: no shipped weights nanoo"),
+    (["name=new", "data.root=tree", "init=5"], "init=5: no shipped weights 5; there are nano"),
     (
         ["name=new", "data.root=tree", "model=late", "late.merge=best_of"],
         r"unknown late\.merge 'best_of'; did you mean 'best'",
@@ -119,6 +155,7 @@ def test_refusals_need_no_torch():
     """Each of these modules answers a mistake; torch, Lightning and numba take several times as long to import as all of it."""
     modules = ["runs.checks", "reports.compare.__main__", "reports.compare.folders", "reports.levels.__main__"]
     modules += ["reports.ablation.__main__", "reports.tracks.__main__", "viz.animation.__main__"]
+    modules += ["reports.ablation.jobs", "reports.statistics", "viz.rerun_log.__main__", "viz.rerun_log.check"]
     code = f"import sys, {', '.join(f'fusion_net.{name}' for name in modules)}\n"
     code += "print(*{'torch', 'lightning', 'numba', 'scipy', 'matplotlib', 'cv2'} & {*sys.modules})"
     found = subprocess.run(

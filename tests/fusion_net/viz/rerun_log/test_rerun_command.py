@@ -10,8 +10,8 @@ from fusion_net.common.cli.composed import composed
 from fusion_net.common.nuscenes_format import CLASSES
 from fusion_net.data.datamodule import NuScenesDataset
 from fusion_net.nuscenes.datasets import open_datasets, samples_of_split
-from fusion_net.viz.rerun_log import __main__ as rerun_log
-from fusion_net.viz.rerun_log.__main__ import choose, detect, output, record, subsets_of
+from fusion_net.viz.rerun_log import check
+from fusion_net.viz.rerun_log.write import choose, detect, output, record, subsets_of
 from tests.fixtures import small_model
 from tests.fixtures.tiny_tree import write_tree
 
@@ -57,17 +57,17 @@ def test_subsets_are_of_the_sensors_that_the_detector_has():
 
 
 def test_without_the_extra_the_command_says_how_to_install_it(monkeypatch):
-    monkeypatch.setattr(rerun_log, "find_spec", lambda name: None)
+    monkeypatch.setattr(check, "find_spec", lambda name: None)
     with pytest.raises(ValueError, match=r"python -m pip install -c constraints.txt -e '.\[rerun\]'"):
-        record(composed("rerun_log"))
+        check.check_recording(composed("rerun_log"))
 
 
 def test_the_colouring_is_one_that_there_is(monkeypatch):
-    monkeypatch.setattr(rerun_log, "find_spec", lambda name: name)
+    monkeypatch.setattr(check, "find_spec", lambda name: name)
     cfg = composed("rerun_log", "lidar_color=hight")
     assert OmegaConf.is_missing(cfg, "run")
     with pytest.raises(ValueError, match="did you mean 'height'"):
-        record(cfg)
+        check.check_recording(cfg)
 
 
 def test_detections_are_those_of_the_sensors_that_are_given_and_have_the_numbers_of_all_classes(samples):

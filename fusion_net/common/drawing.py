@@ -41,7 +41,10 @@ def picture_file(out: str, formats: Sequence[str] = (".png", ".jpg", ".pdf", ".s
     path = Path(out)
     if path.suffix not in formats:
         raise ValueError(f"out={out} is no picture; end it with {' or '.join(formats[:2])}")
-    path.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OSError(f"out={out}: its folder cannot be made ({error.strerror}); give another") from error
     return path
 
 

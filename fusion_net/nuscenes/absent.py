@@ -1,6 +1,7 @@
 """What to answer where there is no data: the data that is there, and the command that makes what is missing."""
 
 import difflib
+from collections.abc import Sequence
 from pathlib import Path
 
 from fusion_net.common.cli.command_line import as_override, command_line
@@ -23,6 +24,12 @@ def refuse_no_data(root: Path) -> None:
     if root.exists() and not root.is_dir():
         raise ValueError(f"no data in {root}, which is a file; {use}: {making(root.with_suffix(''))}")
     raise ValueError(f"no data in {root}; {use}: {making(root)}")
+
+
+def check_data(root: str | Sequence[str] | None) -> None:
+    """The same for ``data.root``, a folder or a list of them."""
+    for folder in [root] if isinstance(root, str) else root or []:
+        refuse_no_data(Path(folder))
 
 
 def making(root: Path) -> str:

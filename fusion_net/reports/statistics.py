@@ -11,7 +11,7 @@ from pathlib import Path
 from omegaconf import DictConfig
 
 from fusion_net.common.cli.command import command
-from fusion_net.runs.checks import check_data
+from fusion_net.nuscenes.absent import check_data
 
 
 def write_statistics(

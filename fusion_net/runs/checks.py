@@ -2,27 +2,38 @@
 
 import math
 import os
-from collections.abc import Sequence
 from pathlib import Path
 
 from omegaconf import DictConfig, OmegaConf
 
-from fusion_net.common.checks import check_names
-from fusion_net.nuscenes.absent import refuse_no_data
+from fusion_net.common.checks import check_names, check_not_negative, check_probabilities
+from fusion_net.nuscenes.absent import check_data
 from fusion_net.runs.run_dir import load_config, refuse_folder, run_folder
 from fusion_net.runs.sources import shipped_path, source_of
 
 RANKS = ("RANK", "LOCAL_RANK", "NODE_RANK")
 """Variables with which torchrun and Lightning number the processes of one run."""
+LEAST = {
+    "batch_size": 1, "validate_every": 1, "save_every": 1, "camera_steps": 0, "camera_only_steps": 0, "fusion_steps": 1
+}  # fmt: skip
+"""Of settings of the trainer that count something."""
 
 
 def check_training(cfg: DictConfig) -> None:
     """ValueError for settings of ``train.py`` that no run can have, a folder that is taken, and data that is not there."""
     if not 0 <= cfg.seed < 2**32:
         raise ValueError(f"seed={cfg.seed} is not within 0 and 2**32 - 1")
-    for name in ("batch_size", "validate_every", "save_every"):
-        if cfg.trainer[name] < 1:
-            raise ValueError(f"trainer.{name}={cfg.trainer[name]} must be at least 1")
+    for name, least in LEAST.items():
+        if cfg.trainer[name] < least:
+            raise ValueError(f"trainer.{name}={cfg.trainer[name]} must be at least {least}")
+    minutes = cfg.trainer.max_minutes
+    if minutes is not None and not (isinstance(minutes, int | float) and minutes > 0):
+        raise ValueError(f"trainer.max_minutes={minutes} is no number of minutes above 0; null sets no limit")
+    if cfg.trainer.max_lr <= 0:
+        raise ValueError(f"trainer.max_lr={cfg.trainer.max_lr} must be above 0")
+    check_not_negative(**{f"trainer.{name}": cfg.trainer[name] for name in ("weight_decay", "gradient_clip")})
+    fractions = {f"trainer.{name}": cfg.trainer[name] for name in ("ema_decay", "dropout_from")}
+    check_probabilities(modality_dropout=cfg.modality_dropout, **fractions)
     if cfg.painting != "learned" and OmegaConf.select(cfg, "model.encoders.camera.painting") is None:
         raise ValueError(f"painting={cfg.painting}: this model paints no points; add model=early")
     if cfg.dataset.workers < 0:
@@ -89,9 +100,3 @@ def check_detector(cfg: DictConfig) -> None:
     if root is None and not OmegaConf.is_missing(cfg, "run"):
         root = OmegaConf.select(load_config(Path(cfg.run)), "data.root")
     check_data(root)
-
-
-def check_data(root: str | Sequence[str] | None) -> None:
-    """ValueError where a folder of ``data.root`` holds no data."""
-    for folder in [root] if isinstance(root, str) else root or []:
-        refuse_no_data(Path(folder))

@@ -144,7 +144,8 @@ def _instead(folder: Path) -> str:
     beside = sorted(folder.parent.glob("*/config.yaml")) or sorted(runs.glob("*/config.yaml"))
     near = {path.parent.name: path.parent for path in beside}
     alike = difflib.get_close_matches(folder.name, near, n=1)
-    known = f"did you mean {near[alike[0]]}? Or " if alike else f"there are {', '.join(near)}; " if near else ""
+    names = [name if path.parent == folder.parent else str(path) for name, path in near.items()]
+    known = f"did you mean {near[alike[0]]}? Or " if alike else f"there are {', '.join(names)}; " if names else ""
     name = folder.relative_to(runs).as_posix() if is_below else folder.name
     return f"{known}train it: {command_line('train.py', name=name if name.strip('.') else 'mine')}"
 

@@ -68,8 +68,9 @@ def shipped_path(name: str) -> Path:
     """The file of shipped weights that a name or a path means. FileNotFoundError when there is none."""
     path = Path(name) if "/" in name or name.endswith((".pt", ".ckpt")) else SHIPPED / f"{name}.pt"
     if not path.is_file():
-        if (Path("runs") / name / "config.yaml").exists():
-            raise FileNotFoundError(f"no shipped weights {name}; there is a run of this name: runs/{name}")
+        for run in (Path("runs") / name, Path(name)):
+            if (run / "config.yaml").exists():
+                raise FileNotFoundError(f"no shipped weights {name}; there is a run of this name: {run}")
         make = command_line("eval.py", run="runs/NAME", ship=f"checkpoints/{Path(name).stem}.pt")
         known = nearest(Path(name).stem, shipped_names()) if shipped_names() else "there are none"
         raise FileNotFoundError(

@@ -35,19 +35,21 @@ class TrainingPlan:
 
     def __post_init__(self) -> None:
         if unknown := set(self.steps) ^ set(STAGES):
-            raise ValueError(f"plan: steps need exactly {', '.join(STAGES)}; check {', '.join(sorted(unknown))}")
+            raise ValueError(f"trainer: steps need exactly {', '.join(STAGES)}; check {', '.join(sorted(unknown))}")
         if self.steps["fusion"] < 1 or min(self.steps.values()) < 0:
-            raise ValueError(f"plan: steps {self.steps} must not be negative, and fusion at least 1")
+            raise ValueError(f"trainer: steps {self.steps} must not be negative, and fusion at least 1")
         if unknown := set(self.stage_fractions) ^ set(STAGES):
             raise ValueError(
-                f"plan: stage_fractions need exactly {', '.join(STAGES)}; check {', '.join(sorted(unknown))}"
+                f"trainer: stage_fractions need exactly {', '.join(STAGES)}; check {', '.join(sorted(unknown))}"
             )
         if min(self.stage_fractions.values()) < 0 or not self.stage_fractions["fusion"]:
-            raise ValueError(f"plan: stage_fractions {self.stage_fractions} must not be negative, and fusion above 0")
+            raise ValueError(
+                f"trainer: stage_fractions {self.stage_fractions} must not be negative, and fusion above 0"
+            )
         if not 0 <= self.warmup_fraction < 1:
-            raise ValueError(f"plan: warmup_fraction={self.warmup_fraction} must be at least 0 and below 1")
+            raise ValueError(f"trainer: warmup_fraction={self.warmup_fraction} must be at least 0 and below 1")
         if self.max_minutes is not None and self.max_minutes <= 0:
-            raise ValueError(f"plan: max_minutes={self.max_minutes} must be above 0")
+            raise ValueError(f"trainer: max_minutes={self.max_minutes} must be above 0")
 
     def position(self, step: int, elapsed: float) -> tuple[Stage, float]:
         """Stage and the fraction of it that is done (1: over) after ``step`` steps and ``elapsed`` seconds."""

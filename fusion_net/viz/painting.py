@@ -144,6 +144,8 @@ def write_painting(
     """Draws the keyframe ``sample`` of a split and writes the picture; returns its path."""
     if not abs(error_deg) <= STEEPEST:
         raise ValueError(f"error_deg={error_deg} is not within {STEEPEST:g} degrees; try error_deg=1.0")
+    if stride < 1:
+        raise ValueError(f"stride={stride} is not a number of pixels: 1 or more; try stride=8")
     nusc, token = sample_of_split(open_datasets(root, version), split, sample)
     path = picture_file(out, formats=(".png", ".jpg"))
     read = SampleReader(label_stride=stride).read(nusc, token)

@@ -253,7 +253,7 @@ def test_what_is_no_name_is_answered_with_those_there_are(name):
     [
         ("nan", r"no shipped weights nan; did you mean nano\?"),
         ("README.md", "no shipped weights README.md; there are nano, "),
-        ("data", "no run at data; there are mini; train it"),
+        ("data", "no run at data; there are runs/mini; train it"),
         ("mini", "there is a run of this name: runs/mini"),
         ("runs/min", r"no run at runs/min; did you mean runs/mini\?"),
     ],

@@ -84,24 +84,30 @@ def _guard(function: Callable[[DictConfig], Any], cfg: DictConfig) -> Any:
 
 def build(node: Any, where: str = "", **arguments: Any) -> Any:
     """The object that a config node with ``_target_`` describes. A wrong name or type raises UserError that begins with its
-    key: that of the node, ``where``, and the key below. A data set has no ``where``: what it refuses are files, and named."""
+    key: that of the node, ``where``, and those below. A data set has no ``where``: it refuses files, and names them."""
     try:
         settings = OmegaConf.to_container(node, resolve=True) if OmegaConf.is_config(node) else node
         return instantiate(with_floats(settings), _convert_="all", **arguments)
     except InstantiationException as error:
-        found = re.search(r"full_key: (\S+)", str(error))
-        key = ".".join(part for part in (where, found.group(1) if found else "") if part)
-        reason = one_line(error.__cause__ or error)
+        found = re.search(r"full_key: (\S+)", str(error)) if where else None
+        key, reason = f"{where}.{found.group(1)}" if found else where, one_line(error.__cause__ or error)
         if reason.startswith("Error loading"):
             reason = f"{reason.split(' Are you sure')[0]}; {WHERE_MODULES_ARE}"
-        is_named = not key or reason.startswith((f"{key}:", f"{key}."))
-        raise UserError(reason if is_named else f"{key}: {reason}") from error
+        if not key or reason.startswith((f"{key}:", f"{key}.")):
+            raise UserError(reason) from error
+        inner = settings
+        for part in found.group(1).split(".") if found else ():
+            inner = inner.get(part) if isinstance(inner, dict) else None
+        is_of_it = isinstance(inner, dict) and reason.partition("=")[0] in inner
+        raise UserError(f"{key}{'.' if is_of_it else ': '}{reason}") from error
 
 
 def one_line(error: BaseException) -> str:
     """The message of an exception in one line, without Hydra's and beartype's wrapping."""
     if isinstance(error, InstantiationException) and error.__cause__ is not None:
         return one_line(error.__cause__)
+    if isinstance(error, OSError) and error.filename and error.strerror:
+        return f"{error.filename}: {error.strerror}"
     if isinstance(error, MissingMandatoryValue):
         key = str(error.full_key or "a value")  # type: ignore[attr-defined]
         return f"{key} is needed; write {key}=VALUE"

@@ -29,7 +29,7 @@ def write_ablation(
     typed += f" {shlex.quote(f'reference={as_override(reference)}')}" if reference else ""
     doc = {"sweep": folder.name, "command": typed} | compare(jobs, reference=reference)
     target = folder
-    if keep and results is not None:
+    if keep and committed is not None:
         written = collect(jobs, committed)
         print(f"{committed}: {len(written)} results new or changed", file=sys.stderr)
         target = pages / folder.name

@@ -8,13 +8,14 @@ from pathlib import Path
 from omegaconf import DictConfig
 
 from fusion_net.common.cli.command import command
-from fusion_net.reports.claims.page import page
 
 
 def write_claims(results: Path, out: Path) -> str:
     """Writes the page that follows from the result files below ``results``. ValueError when there is no such folder."""
     if not results.is_dir():
         raise ValueError(f"results={results} is no folder; results are committed in docs/results")
+    from fusion_net.reports.claims.page import page  # measures some claims itself, and takes seconds to import
+
     text = page(results)
     out.parent.mkdir(parents=True, exist_ok=True)
     out.write_text(text, encoding="utf-8")

@@ -33,6 +33,8 @@ def animate(cfg: DictConfig) -> Path:
     check_names("dies", [cfg.dies], sensors)
     if not 0 < cfg.fps <= 20:
         raise ValueError(f"fps={cfg.fps} must be above 0 and at most 20 keyframes a second; try fps=3")
+    if not 2 <= cfg.colors <= 256:
+        raise ValueError(f"colors={cfg.colors} is not within 2 to 256; try colors=128")
     path = picture_file(cfg.out, formats=(".gif",))
     dataset = open_samples(trained, split=cfg.split, root=cfg.data.root, version=cfg.data.version)
     scene, places = places_of(dataset, cfg.scene)

@@ -5,7 +5,8 @@ from importlib.util import find_spec
 from omegaconf import DictConfig, OmegaConf
 
 from fusion_net.common.checks import check_names
-from fusion_net.runs.checks import check_data, check_detector
+from fusion_net.nuscenes.absent import check_data
+from fusion_net.runs.checks import check_detector
 from fusion_net.runs.sources import OF_A_RUN
 
 ROOT = "data/nano"

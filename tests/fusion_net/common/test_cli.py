@@ -157,12 +157,12 @@ class Thing:
 
 
 def test_a_wrong_type_names_the_key_and_the_type():
-    with pytest.raises(UserError, match="thing: count='many' is not of type int"):
+    with pytest.raises(UserError, match=r"^thing\.count='many' is not of type int"):
         build({"_target_": f"{__name__}.Thing", "count": "many"}, "thing")
 
 
 def test_a_refused_value_is_one_line():
-    with pytest.raises(UserError, match="thing: count=-1 must not be negative"):
+    with pytest.raises(UserError, match=r"^thing\.count=-1 must not be negative"):
         build({"_target_": f"{__name__}.Thing", "count": -1}, "thing")
 
 
@@ -181,6 +181,12 @@ def test_a_key_that_the_message_begins_with_is_not_said_twice():
 class Choice:
     def __init__(self, kind: Literal["concat", "average"], share: float = 0.5) -> None:
         self.kind = kind
+
+
+def test_files_are_named_without_the_key_of_what_reads_them_and_without_a_number_of_the_system():
+    with pytest.raises(UserError, match=r"^count=-1 must"):
+        build({"_target_": f"{__name__}.Thing", "count": -1})
+    assert one_line(PermissionError(13, "Permission denied", "runs/mine")) == "runs/mine: Permission denied"
 
 
 def test_a_value_that_is_no_choice_is_answered_with_the_nearest():

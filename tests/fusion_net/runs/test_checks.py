@@ -10,7 +10,8 @@ import pytest
 from hydra import compose, initialize_config_dir
 
 from fusion_net.common.cli.command import CONFIGS
-from fusion_net.runs.checks import check_data, check_evaluation, check_training
+from fusion_net.nuscenes.absent import check_data
+from fusion_net.runs.checks import check_evaluation, check_training
 from fusion_net.runs.sources import newest_runs, shipped_names
 
 
@@ -59,12 +60,12 @@ EVALUATIONS = [
     (["checkpoint=nanoo"], r"no shipped weights nanoo; did you mean nano\? Files are named by their path"),
     (["checkpoint=x1"], "no shipped weights x1; there are nano, early, late; files are named by their path"),
     (["checkpoint=README.md"], "no shipped weights README.md; there are nano, early"),
-    (["run=nope"], r"no run at nope; there are a, c; train it: python train\.py name=nope"),
+    (["run=nope"], r"no run at nope; there are runs/a, runs/c; train it: python train\.py name=nope"),
     (
         ["run=runs/study/bb"],
         r"no run at runs/study/bb; did you mean runs/study/b\? Or train it: python train\.py name=study/bb",
     ),
-    (["run=."], r"no run at \.; there are a, c; train it: python train\.py name=mine"),
+    (["run=."], r"no run at \.; there are runs/a, runs/c; train it: python train\.py name=mine"),
     (
         ["checkpoint=nano", "data.root=none"],
         r"no data in none; make some: python -m data_gen data=nano data\.root=none",
@@ -93,7 +94,7 @@ def test_an_evaluation_is_refused(here, overrides, answer):
 
 
 def test_missing_data_is_answered_with_whole_data_sets_those_of_a_similar_name_first(here):
-    for name, complete in (("data/try", True), ("data/trial", True), ("data/half", False), ("other/fog", True)):
+    for name, complete in (("data/try", True), ("data/tray", True), ("data/half", False), ("other/fog", True)):
         (here / name / "v1.0-x").mkdir(parents=True)
         (here / name / "v1.0-x/scene.json").write_text("[]")
         (here / name / "manifest.json").write_text(f'{{"complete": {str(complete).lower()}}}')
@@ -101,7 +102,7 @@ def test_missing_data_is_answered_with_whole_data_sets_those_of_a_similar_name_f
     (here / "data/empty").mkdir()
     (here / "data/damaged").mkdir()
     (here / "data/damaged/manifest.json").write_text("{")
-    tried = r"write data\.root=data/try \(others: data\.root=data/trial, data\.root=data/big\), or make some: "
+    tried = r"write data\.root=data/try \(others: data\.root=data/tray, data\.root=data/big\), or make some: "
     with pytest.raises(ValueError, match=rf"no data in data/tri; {tried}.* data\.root=data/tri$"):
         check_data("data/tri")
     with pytest.raises(ValueError, match=r"no data in other/fgo; write data\.root=other/fog \(others: "):
@@ -123,6 +124,14 @@ TRAININGS = [
     (["name=c", "data.root=tree"], "runs/c exists; pass name=ANOTHER, resume=true"),
     (["name=new", "data.root=tree", "resume=true"], "nothing to resume: there is no run runs/new"),
     (["name=new", "data.root=none"], "no data in none; make some"),
+    (["trainer.fusion_steps=0"], "trainer.fusion_steps=0 must be at least 1"),
+    (["trainer.camera_steps=-5"], "trainer.camera_steps=-5 must be at least 0"),
+    (["trainer.max_lr=-1"], "trainer.max_lr=-1 must be above 0"),
+    (["trainer.weight_decay=-1"], "trainer.weight_decay=-1 must be a finite number, 0 or more"),
+    (["trainer.ema_decay=2"], "trainer.ema_decay=2 is a probability: between 0 and 1"),
+    (["modality_dropout=-1"], "modality_dropout=-1 is a probability: between 0 and 1"),
+    (["trainer.max_minutes=-1"], "trainer.max_minutes=-1 is no number of minutes above 0; null sets no limit"),
+    (["trainer.max_minutes=soon"], "trainer.max_minutes=soon is no number of minutes"),
     (["name=new", "data.root=tree", "init=nanoo"], "init=nanoo: no shipped weights nanoo"),
     (["name=new", "data.root=tree", "init=5"], "init=5: no shipped weights 5; there are nano"),
     (

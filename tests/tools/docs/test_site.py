@@ -124,7 +124,7 @@ def test_the_messages_of_the_faq_exist():
     messages = re.findall(r'^\*\*"(.+?)"\*\*', (DOCS / "faq.md").read_text(encoding="utf-8"), re.MULTILINE)
     assert len(messages) > 10
     for message in messages:
-        fixed = re.sub(r"data/nano|runs/deom|there are demo", "\0", message)  # what the user's own names stand in for
+        fixed = re.sub(r"data/nano|runs/deom|runs/demo", "\0", message)  # what the user's own names stand in for
         assert all(part.strip() in code for part in fixed.split("\0")), message
 
 

@@ -36,7 +36,10 @@ def test_runs_and_evaluations_below_them_are_found(here):
     ("folder", "answer"),
     [
         ("runs/missing", "no run at runs/missing; there are A, B and C; train it: python train.py name=missing"),
-        ("runs/study/x", "no run at runs/study/x; train it: python train.py name=study/x"),
+        (
+            "runs/study/x",
+            "no run at runs/study/x; there are runs/A, runs/B and C; train it: python train.py name=study/x",
+        ),
         (
             "runs/B and C",
             "no evaluation in runs/B and C; score it: python eval.py " + shlex.quote("run='runs/B and C'"),

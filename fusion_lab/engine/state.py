@@ -198,7 +198,7 @@ def from_query(query: Mapping[str, str], offer: Offer) -> tuple[LabState, list[s
     for name, text in query.items():
         if name not in types:
             near = get_close_matches(name, types, n=1)
-            notes.append(f"There is no setting {name!r}{f'; is {near[0]!r} meant?' if near else ''}.")
+            notes.append(f"There is no setting {name!r}{f'; is {near[0]!r} meant?' if near else '.'}")
             continue
         value, note = _read(name, text, offer, getattr(state, name))
         state, notes = replace(state, **{name: value}), [*notes, *([note] if note else [])]

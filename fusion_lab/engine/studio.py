@@ -121,14 +121,14 @@ class Studio(NuScenes):
         return [record for record in records if self.modalities[self.channel(record)] == modality]
 
     def rehearse(self) -> None:
-        """Builds every scene and renders every condition once, for nobody: what is compiled and loaded for the first time
-        takes seconds."""
-        for place in range(len(self.scenes)):
+        """Renders the middle keyframe of every scene in every condition once, for nobody: what is compiled, loaded or built for
+        the first time takes seconds, and what that is differs: not every scene has a wet truck or a low sun in view."""
+        for place, tokens in enumerate(self.scenes):
             episode = self._episode(place)
-        for name, severity in self.severities.items():  # the worst has all that the milder ones have
-            scene = episode.scene.under(self._condition(Weather(name, severity), episode))
-            for _ in sense_each(scene, [_copy(event) for event in episode.events[0]]):
-                pass
+            for name, severity in self.severities.items():  # the worst has all that the milder ones have
+                scene = episode.scene.under(self._condition(Weather(name, severity), episode))
+                for _ in sense_each(scene, [_copy(event) for event in episode.events[len(tokens) // 2]]):
+                    pass
 
     def _render(self, record: Record, weather: Weather, folder: Path) -> None:
         """Writes what all sensors of the record's modality measure for its keyframe: radars are cast together anyway."""

@@ -73,8 +73,8 @@ def _way(answer: Answer, point: NDArray, pixel: NDArray, paint: int, scores: NDA
     best = ", ".join(f"{label(answer.classes[k])} {at[k]:.2f}" for k in np.argsort(-at)[:3])
     name = label(answer.classes[paint]) if paint >= 0 else f"no object (no score above {LEAST:g})"
     rows = [
-        ("point, car's frame", f"{point[0]:.2f} m ahead, {point[1]:.2f} m left, {point[2]:.2f} m up"),
-        ("in the camera's frame", f"x {x:.2f}, y {y:.2f}, z {z:.2f} m"),
+        ("point, car's frame", f"{point[0]:z.2f} m ahead, {point[1]:z.2f} m left, {point[2]:z.2f} m up"),
+        ("in the camera's frame", f"x {x:z.2f}, y {y:z.2f}, z {z:z.2f} m"),
         ("pixel", f"u = {cam_K[0, 0]:.0f}·x/z + {cam_K[0, 2]:.0f} = {pixel[0]:.0f}, v = {pixel[1]:.0f}"),
         ("shift by the offset", f"f·tan({answer.state.offset:g}°) = {shift:.1f} pixels, at any distance"),
         ("scores there", best),

@@ -1,6 +1,9 @@
 """What the studio renders is what the generator would have written."""
 
+import sys
+
 import pytest
+from numba.core.dispatcher import Dispatcher
 
 from fusion_lab.engine.state import DOWNPOUR, Weather
 from fusion_lab.engine.studio import RENDERED, open_studio
@@ -52,6 +55,26 @@ def test_no_weather_without_rain_or_spray_is_rendered_for_a_radar_and_it_measure
         if studio.modalities[studio.channel(record)] == "radar":
             assert glare.path(record) == studio.path(record)
             assert glare.path(record).read_bytes() == (other.root / record["filename"]).read_bytes()
+
+
+def compiled():
+    """What is compiled of the generator's loops: functions by module and name, each with its signatures."""
+    modules = [module for name, module in sys.modules.items() if name.startswith("data_gen.")]
+    loops = {id(each): each for module in modules for each in vars(module).values() if isinstance(each, Dispatcher)}
+    return {(each.__module__, each.__name__, str(types)) for each in loops.values() for types in each.signatures}
+
+
+def test_after_a_rehearsal_no_weather_of_any_scene_has_to_wait_for_a_compiler(studio, tmp_path):
+    studio = type(studio)(generated(tmp_path / "clear", "condition=clear"), studio.conditions)
+    studio.rehearse()
+    before = compiled()
+    for name, worst in studio.severities.items():
+        for severity in range(1, worst + 1):
+            weather = studio.under(dict.fromkeys(MODALITIES, Weather(name, severity)))
+            for tokens in studio.scenes:
+                weather.prepare(tokens[len(tokens) // 2], MODALITIES)
+    assert before
+    assert compiled() == before
 
 
 def test_what_was_rendered_is_kept_and_nothing_half_written_is(studio):

@@ -276,7 +276,7 @@ def test_a_screen_reader_is_told_the_name_of_every_control_and_picture_and_the_v
 
 
 def test_the_keyboard_alone_reaches_every_control_and_sets_it(address, context):
-    page = opened(context, address, "?condition=fog&view=depth&threshold=0.05")  # where an untrained network has boxes
+    page = opened(context, address, "?condition=fog&view=depth")
     controls = {node["name"] for node in accessible(page) if node["role"] in ("slider", "combobox", "button")}
     for _ in range(2 * len(controls)):
         page.keyboard.press("Tab")
@@ -284,5 +284,5 @@ def test_the_keyboard_alone_reaches_every_control_and_sets_it(address, context):
         controls -= {node["name"] for node in accessible(page) if node.get("focused")}
     assert not controls
     page.get_by_test_id("degrees").focus()
-    assert does(page, lambda: [page.keyboard.press("PageUp") for _ in range(3)], "ground boxes")
+    assert does(page, lambda: [page.keyboard.press("PageUp") for _ in range(3)], "camera boxes")
     assert page.get_by_test_id("degrees").get_attribute("aria-valuetext").endswith("°")

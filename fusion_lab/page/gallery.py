@@ -28,10 +28,10 @@ class Gallery:
 
     def get(self, page: str, key: str) -> Response:
         """What the route answers."""
-        file = self._files.get(page, {}).get(key)
-        if file is None:
+        files = self._files.get(page)
+        if files is None or key not in files:
             return Response(status_code=404)
-        return Response(file, media_type="image/jpeg", headers={"Cache-Control": "no-store"})
+        return Response(files[key], media_type="image/jpeg", headers={"Cache-Control": "no-store"})
 
     def drop(self, page: str) -> None:
         """Forgets a page that was closed."""

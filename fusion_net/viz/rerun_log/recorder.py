@@ -133,7 +133,7 @@ class Recorder:
         arrows = rr.Arrows3D(origins=place, vectors=velocity, colors=RADAR)
         self._log(*EGO, reading.channel, "velocity", what=arrows)
 
-    def _log_points(self, channel: str, points: NDArray, colors: object) -> None:
+    def _log_points(self, channel: str, points: NDArray, colors: Any) -> None:
         cloud = rr.Points3D(points, colors=colors, radii=rr.Radius.ui_points(DOT))
         self._log(*EGO, channel, "points", what=cloud)
         self._log("series", "points", channel, what=rr.Scalars(len(points)))

@@ -6,6 +6,7 @@ numbers, at which everything is where the reader has it at the keyframe's refere
 """
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import rerun as rr

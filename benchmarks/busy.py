@@ -1,11 +1,13 @@
 """What one busy process beside it costs a training run: ``python -m benchmarks.busy [data=data/nano] [seconds=20]``.
 
 ``train.py`` itself on a generated data set, its fusion stage, quiet and beside a process that counts for ever; with as many
-threads as torch takes, and with ``trainer.threads=auto``, which watches for others. samples/s, the first seconds left out.
+threads as torch takes, with ``trainer.threads=auto``, which watches for others, and with a process of one thread on each core
+that takes its part of the batch. samples/s, the first seconds left out.
 """
 
 import json
 import os
+import signal
 import subprocess
 import sys
 import tempfile
@@ -29,32 +31,22 @@ LONGEST_START = 180.0
 KEYS = ("data", "seconds")
 
 
-def samples_per_second(data: Path, threads: str, seconds: float) -> float:
+def samples_per_second(data: Path, how: list[str], seconds: float) -> float:
     """Of a run of its own, between the first and the last rows of metrics.csv that fall into the time that is measured."""
     with tempfile.TemporaryDirectory(dir=".") as folder:
         steps = [
             f"trainer.{stage}_steps={count}" for stage, count in (("camera", 0), ("camera_only", 0), ("fusion", 10**6))
         ]
-        command = [
-            sys.executable,
-            "-c",
-            TRAIN,
-            "name=busy",
-            f"data.root={data.resolve()}",
-            f"trainer.threads={threads}",
-        ]
-        settings = [
-            *steps,
-            f"trainer.batch_size={BATCH}",
-            "trainer.validate_every=1000000",
-            "trainer.save_every=1000000",
-        ]
+        script = Path(folder) / "train_with_rows.py"  # a file, since a second process is started from it
+        script.write_text(TRAIN, encoding="utf-8")
+        command = [sys.executable, script.name, "name=busy", f"data.root={data.resolve()}", *how, *steps]
+        command += ["trainer.validate_every=1000000", "trainer.save_every=1000000"]
         environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[1])}
-        run = subprocess.Popen([*command, *settings], cwd=folder, env=environment, stdout=subprocess.DEVNULL)
+        run = subprocess.Popen(command, cwd=folder, env=environment, stdout=subprocess.DEVNULL, start_new_session=True)
         try:
             return BATCH * _steps_per_second(run, Path(folder) / "runs/busy/metrics.csv", seconds)
         finally:
-            run.kill()
+            os.killpg(run.pid, signal.SIGKILL)  # the processes that it started, too
             run.wait()
 
 
@@ -89,12 +81,15 @@ def main(arguments: list[str]) -> None:
     except ValueError as error:
         raise SystemExit(f"error: {error}") from None
     cores = len(os.sched_getaffinity(0))
+    together = [f"trainer.devices={cores}", "trainer.threads=1", f"trainer.batch_size={BATCH // cores}"]
+    ways = {name: [f"trainer.threads={name}", f"trainer.batch_size={BATCH}"] for name in (str(cores), "1", "auto")}
+    ways |= {f"{cores} processes": together}
     rates: dict[str, dict[str, float]] = {"quiet": {}, "busy": {}}
     for load, found in rates.items():
         beside = subprocess.Popen(BUSY) if load == "busy" else None
         try:
-            for threads in (str(cores), "1", "auto"):
-                found[threads] = samples_per_second(data, threads, seconds)
+            for name, how in ways.items():
+                found[name] = samples_per_second(data, how, seconds)
         finally:
             if beside is not None:
                 beside.kill()

@@ -15,7 +15,7 @@ MINUTES ?=
 
 demo: $(VENV)/installed
 	$(RUN) -m data_gen data=nano
-	$(RUN) train.py experiment=nano name=$(NAME) $(if $(MINUTES),trainer.max_minutes=$(MINUTES))
+	$(RUN) train.py experiment=demo name=$(NAME) $(if $(MINUTES),trainer.max_minutes=$(MINUTES))
 	$(RUN) eval.py run=runs/$(NAME)
 
 # Scenes of another seed than those of data/nano, which the shipped weights were trained on.

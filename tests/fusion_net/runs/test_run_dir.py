@@ -100,7 +100,7 @@ def test_a_file_is_replaced_whole_or_not_at_all(tmp_path):
 
 def test_a_missing_run_lists_those_there_are(tmp_path):
     open_run(tmp_path / "baseline", CONFIG, resume=False, overwrite=False)
-    with pytest.raises(FileNotFoundError, match="there are baseline"):
+    with pytest.raises(FileNotFoundError, match=r"did you mean .*/baseline\?"):
         load_config(tmp_path / "basline")
 
 

@@ -171,7 +171,7 @@ def test_the_class_mix_counts_relative_to_its_sum():
 @pytest.mark.parametrize(
     ("setting", "message"),
     [
-        ("traffic.density=-1", "scenario.traffic: density=-1 must be a finite number, 0 or more"),
+        ("traffic.density=-1", "scenario.traffic.density=-1 must be a finite number, 0 or more"),
         ("traffic.waiting_probability=1.2", "waiting_probability=1.2 is a probability: between 0 and 1"),
         ("traffic.speed.highway=[30,10]", r"speed.highway=\[30.0, 10.0\] must be \[lowest, highest\]"),
         ("traffic.speed.highway=[30]", r"speed.highway=\[30.0\] must be \[lowest, highest\]"),
@@ -181,7 +181,7 @@ def test_the_class_mix_counts_relative_to_its_sum():
             "class_mix: none of the weights",
         ),
         ("traffic.class_mix.car=-0.1", "class_mix.car=-0.1 must be a finite number, 0 or more"),
-        ("roadside.decoy_probability=25", "scenario.roadside: decoy_probability=25 is a probability"),
+        ("roadside.decoy_probability=25", "scenario.roadside.decoy_probability=25 is a probability"),
         ("+roadside.in_view.pedestrain=1", "unknown class of in_view 'pedestrain'; did you mean"),
         ("roadside.in_view.bus=-2", "in_view.bus=-2.0 must be a finite number"),
         ("roadside.walking_speed=[-1,2]", r"walking_speed=\[-1.0, 2.0\] must be \[lowest, highest\]"),

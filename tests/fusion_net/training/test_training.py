@@ -137,7 +137,7 @@ def test_a_fixed_number_of_threads_is_not_watched(data, steps, monkeypatch):
         ("encoders=[]", "no sensor is named"),
         ("grid.y_max=-112.0", "grid: y from"),
         ("trainer.precision=fp8", "there are auto, bf16, float32"),
-        ("trainer.fusion_steps=0", "fusion at least 1"),
+        ("trainer.fusion_steps=0", "trainer.fusion_steps=0 must be at least 1"),
     ],
 )
 def test_a_mistake_is_refused_before_anything_is_written(data, tmp_path, monkeypatch, override, answer):

@@ -1,6 +1,9 @@
-# make demo   everything from a fresh clone: environment, data, training, the report of what each sensor is worth
+# make demo   everything from a fresh clone: environment, data, training, the report of what each sensor is worth; given again
+#             after Ctrl-C, it goes on
 # make try    a few scenes, the shipped weights scored on them, a report to look at: three minutes, nothing is trained
-# make test   environment, lint, types, tests            make check   the same and the longer checks
+# make test   environment, lint, types, tests
+# make check  the same and the longer checks
+# make docs   the pages of docs/ as a site
 
 PYTHON ?= python3
 VENV   ?= .venv
@@ -11,11 +14,14 @@ NAME   ?= demo
 # MINUTES=5 ends the demo's training after so many minutes, annealed all the same: a shorter run than the README's table is of.
 MINUTES ?=
 
-.PHONY: demo try test check check-slow lint docs devkit
+.PHONY: help demo try test check check-slow lint docs devkit
+
+help:
+	@sed -n '/^# make/s/^# //p' Makefile
 
 demo: $(VENV)/installed
 	$(RUN) -m data_gen data=nano
-	$(RUN) train.py experiment=demo name=$(NAME) $(if $(MINUTES),trainer.max_minutes=$(MINUTES))
+	$(RUN) train.py experiment=demo name=$(NAME) skip_finished=true $(if $(MINUTES),trainer.max_minutes=$(MINUTES))
 	$(RUN) eval.py run=runs/$(NAME)
 
 # Scenes of another seed than those of data/nano, which the shipped weights were trained on.

@@ -2,6 +2,7 @@
 
 import errno
 import signal
+import time
 
 import pytest
 import torch
@@ -37,6 +38,23 @@ def test_a_run_that_is_ended_goes_on_to_the_same_weights(data, unbroken, tmp_pat
     ours, theirs = (torch.load(each / "checkpoints/last.ckpt", weights_only=True) for each in (folder, unbroken))
     for weights in ("state_dict", "current_model_state"):  # averaged and plain
         assert all(torch.equal(value, ours[weights][name]) for name, value in theirs[weights].items())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seconds", [0.0, 1.5])
+def test_ctrl_c_while_a_second_process_starts_is_one_line(data, tmp_path, seconds):
+    command = [*TRAIN, f"data.root={data}", "name=two", "trainer.devices=2", *CUT]
+    opened = tmp_path / "runs/two/config.yaml"
+    returned, error = press(
+        signal.SIGINT,
+        command,
+        tmp_path,
+        once=lambda: opened.exists() and time.time() > opened.stat().st_mtime + seconds,
+    )
+    said = [line for line in error if line]
+    assert (returned, said[-1]) == (130, "error: interrupted; add resume=true to the same command to go on")
+    assert not [line for line in said if "Traceback" in line or "Error" in line]
+    assert sum(line.startswith("error:") for line in said) == 1
 
 
 @pytest.mark.slow

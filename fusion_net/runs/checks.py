@@ -1,18 +1,16 @@
 """What a command can be refused for before torch and Lightning are imported, which takes many times as long as all of this."""
 
 import math
-import os
 from pathlib import Path
 
 from omegaconf import DictConfig, OmegaConf
 
 from fusion_net.common.checks import check_names, check_not_negative, check_probabilities
+from fusion_net.common.cli.processes import is_first
 from fusion_net.nuscenes.absent import check_data
 from fusion_net.runs.run_dir import load_config, refuse_folder, run_folder
 from fusion_net.runs.sources import shipped_path, source_of
 
-RANKS = ("RANK", "LOCAL_RANK", "NODE_RANK")
-"""Variables with which torchrun and Lightning number the processes of one run."""
 LEAST = {
     "batch_size": 1, "validate_every": 1, "save_every": 1, "camera_steps": 0, "camera_only_steps": 0, "fusion_steps": 1
 }  # fmt: skip
@@ -41,7 +39,7 @@ def check_training(cfg: DictConfig) -> None:
     if "detectors" in cfg.model:
         check_late(cfg.late)
     folder = run_folder(cfg.name)
-    if not any(int(os.environ.get(name, 0)) for name in RANKS):  # the others of a run find its folder open
+    if is_first():  # the others of a run find its folder open
         refuse_folder(folder, resume=cfg.resume, overwrite=cfg.overwrite)
     if cfg.init is not None:
         check_init(cfg.init)

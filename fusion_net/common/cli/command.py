@@ -24,6 +24,7 @@ from fusion_net.common.cli.flags import UserError
 from fusion_net.common.cli.hints import with_floats
 from fusion_net.common.cli.override_values import nearest
 from fusion_net.common.cli.overrides import CONFIGS, check_overrides
+from fusion_net.common.cli.processes import is_first, leave_interrupts_to_the_first
 from fusion_net.common.cli.terminal import print_any_text
 from fusion_net.common.cli.typed import note_words
 from fusion_net.common.settings import WHERE_MODULES_ARE
@@ -49,10 +50,14 @@ def command(config_name: str) -> Callable[[Callable[[DictConfig], Any]], Callabl
             print_any_text()
             note_words(sys.argv[1:])
             os.environ["HYDRA_FULL_ERROR"] = "1"  # Hydra then raises its own errors instead of printing them
+            if not is_first():
+                leave_interrupts_to_the_first()
             try:
                 sys.argv[1:] = check_overrides(config_name, sys.argv[1:])
             except UserError as error:
                 _stop(str(error), code=2)
+            except KeyboardInterrupt:
+                _interrupted("nothing was begun")
             try:
                 hydra_main(version_base="1.3", config_path=str(CONFIGS), config_name=config_name)(guarded)()
             except JobError:
@@ -60,7 +65,7 @@ def command(config_name: str) -> Callable[[Callable[[DictConfig], Any]], Callabl
             except MISTAKES as error:
                 _stop(one_line(error), code=1)
             except KeyboardInterrupt:
-                _stop("interrupted; the same command goes on with what is left", code=130)
+                _interrupted("the same command goes on with what is left")
 
         return run
 
@@ -73,7 +78,7 @@ def _guard(function: Callable[[DictConfig], Any], cfg: DictConfig) -> Any:
         return function(settings)
     except KeyboardInterrupt as interruption:
         advice = str(interruption) or "what was written is kept, and the same command goes on from there"
-        _stop(f"interrupted; {advice}", code=130)
+        _interrupted(advice)
     except MISTAKES as error:
         job = HydraConfig.get()
         if job.mode != RunMode.MULTIRUN:
@@ -134,6 +139,14 @@ def _with_home(node: Any) -> Any:
     if isinstance(node, list):
         return [_with_home(value) for value in node]
     return str(Path(node).expanduser()) if isinstance(node, str) and node.startswith("~") else node
+
+
+def _interrupted(advice: str) -> None:
+    """Ends the command. Of several processes the first one says so; that the others ended is no failure of theirs, for which
+    Lightning would kill the first."""
+    if not is_first():
+        raise SystemExit(0)
+    _stop(f"interrupted; {advice}", code=130)
 
 
 def _stop(message: str, *, code: int) -> None:

@@ -1,5 +1,4 @@
-# make demo   everything from a fresh clone: environment, data, training, the report of what each sensor is worth; given again
-#             after Ctrl-C, it goes on
+# make demo   everything from a fresh clone: environment, data, training, the report; given again after Ctrl-C, it goes on
 # make try    a few scenes, the shipped weights scored on them, a report to look at: three minutes, nothing is trained
 # make test   environment, lint, types, tests
 # make check  the same and the longer checks

@@ -11,7 +11,7 @@ from hydra import compose, initialize_config_dir
 
 from fusion_net.common.cli.command import CONFIGS
 from fusion_net.nuscenes.absent import check_data
-from fusion_net.runs.checks import check_evaluation, check_training
+from fusion_net.runs.checks import check_evaluation, check_training, only_training
 from fusion_net.runs.sources import newest_runs, shipped_names
 
 
@@ -152,6 +152,20 @@ def test_what_can_be_done_is_let_through(here):
     check_evaluation(composed("eval", "run=runs/c", "checkpoint=last", "late.gate=0.9", "late.merge=best"))
     check_evaluation(composed("eval", "checkpoint=nano", "data.root=tree", "late.min_probability=0"))
     check_training(composed("train", "name=new", "data.root=tree", "init=nano"))
+    check_training(composed("train", "name=c", "data.root=tree", "resume=true"))
+
+
+def test_a_run_that_another_process_trains_is_left_alone(here, monkeypatch):
+    with only_training(Path("runs/c")):
+        for flags in ([], ["resume=true"], ["overwrite=true"]):
+            with pytest.raises(
+                ValueError, match="another training is writing to runs/c; wait for it, stop it, or pass"
+            ):
+                check_training(composed("train", "name=c", "data.root=tree", *flags))
+        check_training(composed("train", "name=new", "data.root=tree"))
+        monkeypatch.setenv("LOCAL_RANK", "1")
+        check_training(composed("train", "name=c", "data.root=tree"))
+    monkeypatch.delenv("LOCAL_RANK")
     check_training(composed("train", "name=c", "data.root=tree", "resume=true"))
 
 

@@ -61,7 +61,14 @@ def fit(cfg: DictConfig) -> Path:
                 keys = sampler.keys(0)[: cfg.trainer.batch_size]
                 _try(model, train_set.collate([train_set[key] for key in keys]), next(iter(val_batches)))
             until_done.enter_context(only_training(folder))
-            open_run(folder, cfg, data=train_set.made_by, resume=cfg.resume, overwrite=cfg.overwrite)
+            open_run(
+                folder,
+                cfg,
+                data=train_set.made_by,
+                resume=cfg.resume,
+                overwrite=cfg.overwrite,
+                devices=sampler.ranks,
+            )
             parameters, samples = sum(p.numel() for p in model.parameters()) / 1e6, len(sampler.places)
             print(f"{folder}: {parameters:.2f} M parameters, {samples} training and {len(val_set)} validation samples")
         batches = train_loader(train_set, sampler, cfg.dataset.workers)

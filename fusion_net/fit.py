@@ -1,6 +1,7 @@
 """From a composed config to a finished run folder."""
 
 import copy
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from fusion_net.evaluate import evaluate_finished
 from fusion_net.models.fusion_net import FusionNet
 from fusion_net.models.precision import autocast
 from fusion_net.runs.checkpoints import resume_step
-from fusion_net.runs.checks import check_training
+from fusion_net.runs.checks import check_training, only_training
 from fusion_net.runs.late import (
     calibrate_checkpoints,
     chosen_detectors,
@@ -54,23 +55,32 @@ def fit(cfg: DictConfig) -> Path:
     val_batches = make_loader(val_set, cfg.trainer.batch_size)
     trainer = lightning_trainer(cfg, plan, folder, val_set, val_batches, first_step)
     sampler = _sampler(cfg, train_set, plan, first_step, ranks=trainer.num_devices * trainer.num_nodes)
-    if trainer.is_global_zero:  # the other processes of a run find it tried and its folder open
-        with autocast(cfg.trainer.precision):
-            keys = sampler.keys(0)[: cfg.trainer.batch_size]
-            _try(model, train_set.collate([train_set[key] for key in keys]), next(iter(val_batches)))
-        open_run(folder, cfg, data=train_set.made_by, resume=cfg.resume, overwrite=cfg.overwrite)
-        parameters, samples = sum(p.numel() for p in model.parameters()) / 1e6, len(sampler.places)
-        print(f"{folder}: {parameters:.2f} M parameters, {samples} training and {len(val_set)} validation samples")
-    batches = train_loader(train_set, sampler, cfg.dataset.workers)
-    _train(trainer, module, batches, resume_from=last if first_step else None)
-    if trainer.is_global_zero:
-        if is_late(cfg):
-            calibrate_checkpoints([folder / "checkpoints" / f"{name}.ckpt" for name in ("best", "last")], cfg)
-        mark_finished(folder, steps=trainer.global_step, planned=plan.total_steps)
-        if cfg.evaluate:
-            evaluate_finished(folder)
-        else:
-            print(f"done; score it with: {command_line('eval.py', run=folder)}")
+    with ExitStack() as until_done:
+        if trainer.is_global_zero:  # the other processes of a run find it tried and its folder open
+            with autocast(cfg.trainer.precision):
+                keys = sampler.keys(0)[: cfg.trainer.batch_size]
+                _try(model, train_set.collate([train_set[key] for key in keys]), next(iter(val_batches)))
+            until_done.enter_context(only_training(folder))
+            open_run(
+                folder,
+                cfg,
+                data=train_set.made_by,
+                resume=cfg.resume,
+                overwrite=cfg.overwrite,
+                devices=sampler.ranks,
+            )
+            parameters, samples = sum(p.numel() for p in model.parameters()) / 1e6, len(sampler.places)
+            print(f"{folder}: {parameters:.2f} M parameters, {samples} training and {len(val_set)} validation samples")
+        batches = train_loader(train_set, sampler, cfg.dataset.workers)
+        _train(trainer, module, batches, resume_from=last if first_step else None)
+        if trainer.is_global_zero:
+            if is_late(cfg):
+                calibrate_checkpoints([folder / "checkpoints" / f"{name}.ckpt" for name in ("best", "last")], cfg)
+            mark_finished(folder, steps=trainer.global_step, planned=plan.total_steps)
+            if cfg.evaluate:
+                evaluate_finished(folder)
+            else:
+                print(f"done; score it with: {command_line('eval.py', run=folder)}")
     return folder
 
 

@@ -1,6 +1,5 @@
 """What a folder of generated data says of itself, and whether a generator may write into it."""
 
-import fcntl
 import hashlib
 import json
 import re
@@ -12,11 +11,12 @@ from pathlib import Path
 from typing import Any
 
 from fusion_net.common.nuscenes_format import MANIFEST_FILE
+from fusion_net.common.one_writer import LOCK, only_writer
 from fusion_net.common.settings import differences
 
 FORMAT = 3
 """Raised when the same settings give other bytes than before: old folders are then not continued."""
-OWN = {".lock", f"{MANIFEST_FILE}.part"}
+OWN = {LOCK, f"{MANIFEST_FILE}.part"}
 """What lies in a folder in which a generator stopped before it wrote the manifest."""
 ROOM = 50 * 2**20
 """Bytes that must be free before anything is written."""
@@ -81,16 +81,10 @@ def only_generator(root: Path) -> Iterator[None]:
     """The folder, made if need be, for one generator: a second one gets an error instead of a mixed tree."""
     try:
         root.mkdir(parents=True, exist_ok=True)
-        (root / ".lock").touch()
+        (root / LOCK).touch()
     except OSError as error:
         raise OSError(f"cannot write to data.root={root} ({error.strerror}); pass data.root=ANOTHER_FOLDER") from error
-    with open(root / ".lock", "w", encoding="utf-8") as lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            raise ValueError(
-                f"another generator is writing to {root}; wait for it or pass data.root=ANOTHER_FOLDER"
-            ) from error
+    with only_writer(root, f"another generator is writing to {root}; wait for it or pass data.root=ANOTHER_FOLDER"):
         if shutil.disk_usage(root).free < ROOM:
             raise OSError(
                 f"less than {ROOM // 2**20} MiB are free on the disk of {root}; scenes already written are kept: make room"

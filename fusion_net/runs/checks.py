@@ -1,12 +1,14 @@
 """What a command can be refused for before torch and Lightning are imported, which takes many times as long as all of this."""
 
 import math
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 from omegaconf import DictConfig, OmegaConf
 
 from fusion_net.common.checks import check_names, check_not_negative, check_probabilities
 from fusion_net.common.cli.processes import is_first
+from fusion_net.common.one_writer import LOCK, only_writer
 from fusion_net.nuscenes.absent import check_data
 from fusion_net.runs.run_dir import load_config, refuse_folder, run_folder
 from fusion_net.runs.sources import shipped_path, source_of
@@ -40,10 +42,18 @@ def check_training(cfg: DictConfig) -> None:
         check_late(cfg.late)
     folder = run_folder(cfg.name)
     if is_first():  # the others of a run find its folder open
+        if (folder / LOCK).exists():
+            with only_training(folder):
+                pass
         refuse_folder(folder, resume=cfg.resume, overwrite=cfg.overwrite)
     if cfg.init is not None:
         check_init(cfg.init)
     check_data(cfg.data.root)
+
+
+def only_training(folder: Path) -> AbstractContextManager[None]:
+    """The run's folder for this process. ValueError while another one trains there."""
+    return only_writer(folder, f"another training is writing to {folder}; wait for it, stop it, or pass name=ANOTHER")
 
 
 def check_init(name: str) -> Path:

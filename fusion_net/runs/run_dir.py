@@ -30,9 +30,10 @@ NONFINITE = "nonfinite_batch.pt"
 FREE_ON_RESUME = (
     "data.", "dataset.train.root", "dataset.val.root", "dataset.train.version", "dataset.val.version", "dataset.workers",
     "dataset.cache", "dataset.train.cache", "dataset.val.cache", "trainer.max_minutes", "trainer.save_every",
-    "trainer.accelerator", "trainer.devices", "trainer.strategy", "trainer.threads",
+    "trainer.accelerator", "trainer.devices", "trainer.batch_size", "trainer.strategy", "trainer.threads",
 )  # fmt: skip
-"""Settings that may change from an interruption to its resumption: where the same data lies, and how fast the run is."""
+"""Settings that may change from an interruption to its resumption: where the same data lies, and how fast the run is. Devices
+and the samples of each may change while a step's samples stay."""
 
 
 def run_folder(name: str) -> Path:
@@ -50,25 +51,33 @@ def run_folder(name: str) -> Path:
 
 
 def open_run(
-    folder: Path, cfg: DictConfig, *, resume: bool, overwrite: bool, data: Mapping[str, str] | None = None
+    folder: Path,
+    cfg: DictConfig,
+    *,
+    resume: bool,
+    overwrite: bool,
+    data: Mapping[str, str] | None = None,
+    devices: int = 1,
 ) -> Path:
     """Creates ``folder`` with config.yaml and env.json. ValueError when it exists and neither flag is set.
 
-    ``data``: fingerprints of the data sets that the run is trained on, and the command that makes each. With ``resume``, a
-    run that was interrupted before its first checkpoint starts again.
+    ``data``: fingerprints of the data sets that the run is trained on, and the command that makes each. ``devices``:
+    how many there are, each of which takes ``trainer.batch_size`` samples a step. With ``resume``, a run that was interrupted
+    before its first checkpoint starts again.
     """
     goes_on = resume and (folder / "checkpoints" / "last.ckpt").exists()
     data = data or {}
     refuse_folder(folder, resume=resume, overwrite=overwrite)
     if resume:
         _refuse_other_settings(folder, cfg)
+        _refuse_other_samples(folder, cfg, devices)
         refuse_other_data(folder, [*data])
     if not goes_on:
         for old in ("metrics.csv", "checkpoints/last.ckpt", "checkpoints/best.ckpt", RESULT, NONFINITE):
             (folder / old).unlink(missing_ok=True)
     (folder / "checkpoints").mkdir(parents=True, exist_ok=True)
     _write(folder / "config.yaml", OmegaConf.to_yaml(cfg, resolve=True))
-    job = {"overrides": job_overrides(), "job": job_number()}
+    job = {"overrides": job_overrides(), "job": job_number(), "devices": devices}
     _write_surroundings(folder, environment() | job | {"data": [*data], "made_by": dict(data)})
     return folder
 
@@ -243,3 +252,19 @@ def _refuse_other_settings(folder: Path, cfg: DictConfig) -> None:
         raise ValueError(
             f"{folder} was begun with other settings ({'; '.join(changes[:3])}); resume with the same, or pass name=ANOTHER"
         )
+
+
+def _refuse_other_samples(folder: Path, cfg: DictConfig, devices: int) -> None:
+    """ValueError where a step would take another number of samples than before: ``trainer.batch_size`` is of each device."""
+    before = load_config(folder).trainer
+    count = surroundings(folder).get("devices") or before.get("devices", 1)
+    count = devices if count == -1 else count  # all that there were: older runs do not say how many
+    samples = count * before.batch_size
+    if devices * cfg.trainer.batch_size == samples:
+        return
+    size, rest = divmod(samples, devices)
+    same = f"trainer.devices={count} trainer.batch_size={before.batch_size}" if rest else f"trainer.batch_size={size}"
+    raise ValueError(
+        f"{folder} takes {samples} samples a step, trainer.batch_size={cfg.trainer.batch_size} on {devices} device(s) is"
+        f" {devices * cfg.trainer.batch_size}; write {same}"
+    )

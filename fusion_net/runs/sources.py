@@ -1,5 +1,6 @@
 """Which run or file of weights a command means, found without torch: a wrong name is answered before it is imported."""
 
+import shlex
 from pathlib import Path
 
 from omegaconf import DictConfig, OmegaConf
@@ -7,7 +8,8 @@ from omegaconf import DictConfig, OmegaConf
 from fusion_net.common.cli.command_line import as_override, command_line
 from fusion_net.common.cli.override_values import nearest
 from fusion_net.common.cli.overrides import CONFIGS
-from fusion_net.runs.run_dir import load_config
+from fusion_net.common.cli.typed import retyped
+from fusion_net.runs.run_dir import load_config, surroundings
 
 SHIPPED = CONFIGS.parent / "checkpoints"
 """Where ``checkpoint=nano`` and ``init=nano`` find ``nano.pt``."""
@@ -25,12 +27,21 @@ def source_of(cfg: DictConfig) -> Path:
     if not OmegaConf.is_missing(cfg, "run"):
         return checkpoint_path(Path(cfg.run), cfg.checkpoint)
     if cfg.checkpoint not in OF_A_RUN:
+        _refuse_checkpoint_of_a_run(Path(cfg.checkpoint))
         return shipped_path(cfg.checkpoint)
     found = [f"run={as_override(run.as_posix())}" for run in newest_runs()[:MOST_NAMED]]
     of_a_run = f"run={found[0].partition('=')[2]}" if found else "run=runs/NAME"
     others = f" (others, newest first: {', '.join(found[1:])})" if found[1:] else ""
     shipped = " or ".join(f"checkpoint={name}" for name in shipped_names())
     raise ValueError(f"run is needed; write {of_a_run}{others}, or take shipped weights: {shipped or 'there are none'}")
+
+
+def _refuse_checkpoint_of_a_run(path: Path) -> None:
+    """ValueError, with how it is written, where the path of a run's checkpoint stands for a name of shipped weights."""
+    run = path.parent.parent
+    if path.suffix == ".ckpt" and path.parent.name == "checkpoints" and (run / "config.yaml").exists():
+        words = [f"run={as_override(run.as_posix())}", f"checkpoint={as_override(path.stem)}"]
+        raise ValueError(f"checkpoint={path} is of a run; write {shlex.join(words)}")
 
 
 def newest_runs(folder: Path = Path("runs")) -> list[Path]:
@@ -42,7 +53,25 @@ def newest_runs(folder: Path = Path("runs")) -> list[Path]:
 def checkpoint_path(run: Path, checkpoint: str) -> Path:
     """``RUN/checkpoints/CHECKPOINT.ckpt``. FileNotFoundError when there is no such run, or it has no such checkpoint."""
     load_config(run)  # there may be no run at all
+    if not any((run / "checkpoints").glob("*.ckpt")):
+        raise FileNotFoundError(
+            f"no checkpoint in {run}: it has written none yet; if it was interrupted, go on with: {going_on(run)}"
+        )
     return found_checkpoint(run / "checkpoints" / f"{checkpoint}.ckpt")
+
+
+def going_on(run: Path) -> str:
+    """The command that goes on with an interrupted run: the one that it was begun with; of a sweep, all of its jobs."""
+    around = surroundings(run)
+    if not around.get("command"):
+        return command_line(
+            "train.py", name=run.relative_to("runs") if run.is_relative_to("runs") else run.name, resume=True
+        )
+    flag = "resume" if around.get("job") is None else "skip_finished"
+    words = [
+        word for word in shlex.split(retyped(around["command"])) if not word.startswith(("overwrite=", f"{flag}="))
+    ]
+    return f"python {shlex.join([*words, f'{flag}=true'])}"
 
 
 def found_checkpoint(path: Path) -> Path:

@@ -1,5 +1,6 @@
 """The folders of the evaluations that a comparison names, found without torch: what lacks is answered before it is imported."""
 
+import shlex
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -26,7 +27,10 @@ def _place(folder: Path) -> Path:
             if missing := [file for file in FILES if not (place / file).exists()]:
                 raise FileNotFoundError(f"{place} has no {missing[0]}; score it again: {_scoring(folder)}")
             return place
-    raise FileNotFoundError(f"no evaluation in {folder}; score it: {_scoring(folder)}")
+    scoring = _scoring(folder)
+    below = sorted(path.parent.as_posix() for path in folder.rglob(FILES[0]))
+    known = f"there are {', '.join(shlex.quote(place) for place in below)}: name one of them, or " if below else ""
+    raise FileNotFoundError(f"no evaluation in {folder}; {known}score it: {scoring}")
 
 
 def _scoring(folder: Path) -> str:

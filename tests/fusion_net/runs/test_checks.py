@@ -1,6 +1,7 @@
 """What commands are refused for in the process that types them: no run, no weights, no data, wrong rules; and that none of it
 imports torch."""
 
+import json
 import os
 import subprocess
 import sys
@@ -11,7 +12,7 @@ from hydra import compose, initialize_config_dir
 
 from fusion_net.common.cli.command import CONFIGS
 from fusion_net.nuscenes.absent import check_data
-from fusion_net.runs.checks import check_evaluation, check_training
+from fusion_net.runs.checks import check_evaluation, check_training, only_training
 from fusion_net.runs.sources import newest_runs, shipped_names
 
 
@@ -55,6 +56,10 @@ EVALUATIONS = [
     (["run=runs/none"], r"no run at runs/none; there are a, c; train it: python train\.py name=none"),
     (["run=runs/study/none"], r"no run at runs/study/none; there are b; train it: python train\.py name=study/none"),
     (["run=runs/a"], r"no checkpoint runs/a/checkpoints/best\.ckpt; there are last\.ckpt: pass checkpoint=last"),
+    (
+        ["checkpoint=runs/a/checkpoints/last.ckpt"],
+        r"checkpoint=runs/a/checkpoints/last\.ckpt is of a run; write run=runs/a checkpoint=last$",
+    ),
     (["run=c"], "no run at c; it is runs/c"),
     (["checkpoint=c"], "no shipped weights c; there is a run of this name: runs/c"),
     (["checkpoint=nanoo"], r"no shipped weights nanoo; did you mean nano\? Files are named by their path"),
@@ -91,6 +96,28 @@ EVALUATIONS = [
 def test_an_evaluation_is_refused(here, overrides, answer):
     with pytest.raises((ValueError, FileNotFoundError), match=answer):
         check_evaluation(composed("eval", *overrides))
+
+
+GOING_ON = [
+    ({}, "python train.py name=study/b resume=true"),
+    ({"command": "train.py name=study/b seed='2'", "job": None}, "python train.py name=study/b seed=2 resume=true"),
+    ({"command": "train.py name=study/b overwrite=true"}, "python train.py name=study/b resume=true"),
+    (
+        {"command": "train.py -m 'name=study/${job_folder:}' seed=1,2", "job": 0},
+        "python train.py -m 'name=study/${job_folder:}' seed=1,2 skip_finished=true",
+    ),
+]
+
+
+@pytest.mark.parametrize(("around", "command"), GOING_ON)
+def test_a_run_cut_before_its_first_checkpoint_is_answered_with_the_command_that_goes_on(here, around, command):
+    (here / "runs/study/b/checkpoints/last.ckpt").unlink()
+    (here / "runs/study/b/env.json").write_text(json.dumps(around))
+    with pytest.raises(
+        FileNotFoundError, match=r"no checkpoint in runs/study/b: it has written none yet; if "
+    ) as error:
+        check_evaluation(composed("eval", "run=runs/study/b"))
+    assert str(error.value).endswith(f"go on with: {command}")
 
 
 def test_missing_data_is_answered_with_whole_data_sets_those_of_a_similar_name_first(here):
@@ -152,6 +179,20 @@ def test_what_can_be_done_is_let_through(here):
     check_evaluation(composed("eval", "run=runs/c", "checkpoint=last", "late.gate=0.9", "late.merge=best"))
     check_evaluation(composed("eval", "checkpoint=nano", "data.root=tree", "late.min_probability=0"))
     check_training(composed("train", "name=new", "data.root=tree", "init=nano"))
+    check_training(composed("train", "name=c", "data.root=tree", "resume=true"))
+
+
+def test_a_run_that_another_process_trains_is_left_alone(here, monkeypatch):
+    with only_training(Path("runs/c")):
+        for flags in ([], ["resume=true"], ["overwrite=true"]):
+            with pytest.raises(
+                ValueError, match="another training is writing to runs/c; wait for it, stop it, or pass"
+            ):
+                check_training(composed("train", "name=c", "data.root=tree", *flags))
+        check_training(composed("train", "name=new", "data.root=tree"))
+        monkeypatch.setenv("LOCAL_RANK", "1")
+        check_training(composed("train", "name=c", "data.root=tree"))
+    monkeypatch.delenv("LOCAL_RANK")
     check_training(composed("train", "name=c", "data.root=tree", "resume=true"))
 
 

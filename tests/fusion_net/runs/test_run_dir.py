@@ -25,6 +25,7 @@ CONFIG = OmegaConf.create(
         "grid": {"cell": 0.8},
         "seed": 1,
         "data": {"root": "here"},
+        "trainer": {"devices": 1, "batch_size": 8},
     }
 )
 
@@ -70,6 +71,28 @@ def test_resume_needs_a_run_of_the_same_model(tmp_path):
     with pytest.raises(ValueError, match=r"other settings \(seed: 1 there, 2 asked for\)"):
         open_run(folder, OmegaConf.merge(CONFIG, {"seed": 2}), resume=True, overwrite=False)
     assert (folder / "config.yaml").read_text() == kept
+
+
+def test_other_devices_resume_a_run_with_the_samples_of_its_steps(tmp_path):
+    def with_devices(devices, batch_size):
+        return OmegaConf.merge(CONFIG, {"trainer": {"devices": devices, "batch_size": batch_size}})
+
+    def resumed(cfg, devices):
+        return open_run(folder, cfg, resume=True, overwrite=False, devices=devices)
+
+    folder = open_run(tmp_path / "a", with_devices(-1, 4), resume=False, overwrite=False, devices=2)
+    begun = (folder / "config.yaml").read_text()
+    with pytest.raises(ValueError, match=r"takes 8 samples a step, .*=4 on 1 .* is 4; write trainer\.batch_size=8$"):
+        resumed(with_devices(1, 4), 1)
+    with pytest.raises(ValueError, match=r"is 16; write trainer\.batch_size=4$"):
+        resumed(with_devices(2, 8), 2)
+    with pytest.raises(ValueError, match=r"is 12; write trainer\.devices=2 trainer\.batch_size=4$"):
+        resumed(with_devices(3, 4), 3)
+    assert (folder / "config.yaml").read_text() == begun
+    resumed(with_devices(1, 8), 1)
+    resumed(with_devices(-1, 2), 4)
+    (folder / "env.json").unlink()  # as of a run from before it said how many
+    resumed(with_devices(1, 2), 1)
 
 
 def test_a_run_cut_before_its_first_checkpoint_starts_again(tmp_path):

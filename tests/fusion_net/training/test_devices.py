@@ -59,7 +59,14 @@ def test_only_the_first_process_writes_and_speaks(two_processes):
     folder, done = two_processes
     run = folder / "runs" / "two"
     assert {path.name for path in folder.iterdir()} == {"runs", "0.pt", "1.pt"}
-    assert {path.name for path in run.iterdir()} == {"config.yaml", "env.json", "metrics.csv", "checkpoints", "tb"}
+    assert {path.name for path in run.iterdir()} == {
+        ".lock",
+        "config.yaml",
+        "env.json",
+        "metrics.csv",
+        "checkpoints",
+        "tb",
+    }
     assert len(list((run / "tb").glob("events*"))) == 1
     with (run / "metrics.csv").open(encoding="utf-8") as file:
         rows = [(row["step"], row["name"]) for row in csv.DictReader(file)]

@@ -5,14 +5,18 @@ import multiprocessing
 import os
 import shutil
 import signal
+from contextlib import ExitStack
+from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 import torch
 
+from fusion_net.common.one_writer import LOCK
 from fusion_net.fit import fit
 from fusion_net.nuscenes.nuscenes import NuScenes
+from fusion_net.runs.checks import only_training
 from fusion_net.runs.samples import open_samples
 from fusion_net.runs.trained import trained_run
 from fusion_net.training.module import DetectorModule
@@ -145,6 +149,16 @@ def test_a_mistake_is_refused_before_anything_is_written(data, tmp_path, monkeyp
     with pytest.raises(ValueError, match=answer):
         fit(settings(data, override))
     assert not (tmp_path / "runs").exists()
+
+
+def test_of_two_trainings_that_begin_together_one_is_refused(data, tmp_path, monkeypatch):
+    """The other one takes the folder after this one has looked at it."""
+    monkeypatch.chdir(tmp_path)
+    with ExitStack() as other:
+        monkeypatch.setattr("fusion_net.fit._try", lambda *_: other.enter_context(only_training(Path("runs/a"))))
+        with pytest.raises(ValueError, match="another training is writing to runs/a"):
+            fit(settings(data, "name=a"))
+        assert [path.name for path in (tmp_path / "runs/a").iterdir()] == [LOCK]
 
 
 def test_a_grid_without_any_label_is_refused(data, tmp_path, monkeypatch):

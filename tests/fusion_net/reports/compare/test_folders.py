@@ -56,6 +56,16 @@ def test_what_is_not_there_names_the_command_that_makes_it(here, folder, answer)
         find_evaluations(["runs/A", folder])
 
 
+def test_evaluations_below_a_folder_without_one_of_its_own_are_named(here):
+    for place in ("val@data-try", "a b"):
+        evaluated(here / "runs/checkpoints/nano/eval" / place)
+    there = "there are 'runs/checkpoints/nano/eval/a b', runs/checkpoints/nano/eval/val@data-try: name one of them, or score"
+    for folder in ("runs/checkpoints/nano", "runs/checkpoints/nano/eval"):
+        with pytest.raises(FileNotFoundError, match=f"no evaluation in {folder}; {there}"):
+            find_evaluations(["runs/A", folder])
+    find_evaluations(["runs/A", "runs/checkpoints/nano/eval/val@data-try"])
+
+
 def test_one_is_no_comparison(here):
     with pytest.raises(ValueError, match="name two runs at least"):
         find_evaluations(["runs/A", "runs/A"])

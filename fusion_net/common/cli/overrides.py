@@ -117,7 +117,7 @@ class Settings:
             if value is None:
                 continue
             if not isinstance(value, str):
-                raise UserError(f"{override.input_line} is not a file name; there are {', '.join(options)}")
+                raise UserError(f"{override.input_line} is not a file name; {nearest(str(value), options)}")
             if value not in options:
                 raise UserError(f"there is no {key}={value}; {nearest(value, options)}{self._of_the_folder(key)}")
         if key == "sweep" and not override.is_add():

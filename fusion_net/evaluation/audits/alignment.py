@@ -8,7 +8,7 @@ motion follows exactly: the method has no part in what an audit underrates.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -135,15 +135,16 @@ def _step(pairs: Pairs, motion: Motion, kernels: Kernels) -> Array:
 
 @dataclass(frozen=True)
 class Alignment:
-    """The motion that puts ``first``'s view onto ``second``'s, with standard errors from resampled scenes."""
+    """The motion that puts ``first``'s view onto ``second``'s, with standard errors from resampled scenes; None where there is
+    one scene only."""
 
     first: str
     second: str
     pairs: int
     turn_deg: float = float("nan")
-    turn_error: float = float("nan")
     shift: tuple[float, float] = (float("nan"),) * 2
-    shift_error: tuple[float, float] = (float("nan"),) * 2
+    turn_error: float | None = None
+    shift_error: tuple[float, float] | None = None
 
     @property
     def is_known(self) -> bool:
@@ -151,23 +152,21 @@ class Alignment:
         return self.pairs >= FEWEST_PAIRS
 
 
-def align_sensors(names: tuple[str, str], a: Sequence[Heat], b: Sequence[Heat], copies: NDArray[np.int64]) -> Alignment:
+def align_sensors(
+    names: tuple[str, str], a: Sequence[Heat], b: Sequence[Heat], copies: NDArray[np.int64] | None
+) -> Alignment:
     """Compares the views of two sensors, entry by entry of one sample in its ego frame. ``copies`` (R, S): resamples of the
-    scenes, whose spread is the standard error."""
+    scenes, whose spread is the standard error; None of a single scene, whose resamples are all alike."""
     pairs = pair_up(a, b)
     if len(pairs) < FEWEST_PAIRS:
         return Alignment(*names, len(pairs))
     best = align(pairs)
+    found = Alignment(*names, len(pairs), float(np.degrees(best.turn)), (float(best.shift[0]), float(best.shift[1])))
+    if copies is None:
+        return found
     spread = [align(pairs, copies=row.astype(float), start=best) for row in copies]
     errors = np.std([[np.degrees(each.turn), *each.shift] for each in spread], axis=0)
-    return Alignment(
-        *names,
-        len(pairs),
-        float(np.degrees(best.turn)),
-        float(errors[0]),
-        (float(best.shift[0]), float(best.shift[1])),
-        (float(errors[1]), float(errors[2])),
-    )
+    return replace(found, turn_error=float(errors[0]), shift_error=(float(errors[1]), float(errors[2])))
 
 
 def correlation_by_turn(pairs: Pairs, at: Motion, turns_deg: Array) -> Array:

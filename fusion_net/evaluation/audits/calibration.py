@@ -32,20 +32,22 @@ SHIFTS = np.arange(-2, 2.01, 0.2)
 
 def audit_calibration(
     views: Views,
-    copies: NDArray[np.int64],
+    copies: NDArray[np.int64] | None,
     *,
     overlay: Mapping[str, Any] | None = None,
     usual: Mapping[str, Mapping[str, Any]] | None = None,
 ) -> Audit:
-    """``views``: of :func:`fusion_net.evaluation.audits.heat.heat_of_pairs`; ``copies`` (R, S): resamples of the scenes.
-    ``overlay``: of :func:`fusion_net.viz.overlay.measure_overlay`. ``usual``: the ``pairs`` of this audit of sound
-    sensors, whose motions are taken off: what the network itself has the sensors off by."""
+    """``views``: of :func:`fusion_net.evaluation.audits.heat.heat_of_pairs`; ``copies`` (R, S): resamples of the scenes;
+    None of a single scene: what has no error is not judged. ``overlay``: of
+    :func:`fusion_net.viz.overlay.measure_overlay`. ``usual``: the ``pairs`` of this audit of sound sensors, whose motions are
+    taken off: what the network itself has the sensors off by."""
     title = "Calibration: do the sensors' views lie on each other?"
     explanation = (
         "Overlay: the LiDAR's points in the image, against the exact depth of their pixels where the data have it; the turn"
         " at which most of them fit. From above: what each sensor alone says of objects (the camera: class scores at its own"
         " depth; the others: their points on what they find), as Gaussians, cross-correlated over turns about the"
-        " car's origin and shifts; errors are standard errors from resampled scenes. What the camera says of"
+        " car's origin and shifts; errors are standard errors from resampled scenes, and of a single"
+        " scene, which has none, these views are not judged. What the camera says of"
         f" distances is its own guess, so its shift ahead (x) is not judged. Wrong from {LARGEST_TURN:g} degrees or"
         f" {LARGEST_SHIFT:g} m on that are {SIGMAS:g} standard errors away from nothing. A turn is counter-clockwise; it is"
         " what the first sensor's view has to be moved by."
@@ -58,19 +60,23 @@ def audit_calibration(
         if alignment.is_known:
             numbers["curves"][key] = _curves(pair_up(first, second), alignment)
     known = {key: pair for key, pair in numbers["pairs"].items() if pair["turn_deg"] is not None}
-    off = [key for key, pair in known.items() if _is_off(pair)]
+    judged = {key: pair for key, pair in known.items() if pair["turn_error"] is not None}
+    off = [key for key, pair in judged.items() if _is_off(pair)]
     slipped, texts = False, []
     if overlay:
         turn, error = overlay["turn_deg"], overlay["turn_error"]
         slipped = abs(turn) > max(LARGEST_TURN, SIGMAS * error)
         texts.append(f"overlay {turn:+.2f} +- {error:.2f} degrees")
     texts += [_text(key, pair) for key, pair in known.items()]
+    if known and not judged:
+        texts.append(f"{', '.join(known)} not judged: one scene, so no standard error")
     if not texts:
         return Audit("calibration", title, "too little that two sensors have in common", None, numbers, explanation)
-    culprit = _culprit(off, known)
+    culprit = _culprit(off, judged)
     numbers["culprit"] = culprit
     verdict = "; ".join(texts) + (f"; {culprit}" if culprit else "")
-    return Audit("calibration", title, verdict, not off and not slipped, numbers, explanation)
+    ok = not off and not slipped if overlay or judged else None
+    return Audit("calibration", title, verdict, ok, numbers, explanation)
 
 
 def _figures(alignment: Alignment, usual: Mapping[str, Any] | None) -> dict[str, Any]:
@@ -86,7 +92,7 @@ def _figures(alignment: Alignment, usual: Mapping[str, Any] | None) -> dict[str,
         "turn_deg": turn,
         "turn_error": alignment.turn_error,
         "shift": shift.tolist(),
-        "shift_error": list(alignment.shift_error),
+        "shift_error": alignment.shift_error and list(alignment.shift_error),
     }
 
 
@@ -128,6 +134,8 @@ def _misfit(sensor: str, pairs: Iterable[Mapping[str, Any]]) -> float:
 
 def _text(key: str, pair: Mapping[str, Any]) -> str:
     x, y = pair["shift"]
+    if pair["turn_error"] is None:
+        return f"{key} turned {pair['turn_deg']:+.2f} degrees, shifted ({x:+.2f}, {y:+.2f}) m"
     dx, dy = pair["shift_error"]
     return (
         f"{key} turned {pair['turn_deg']:+.2f} +- {pair['turn_error']:.2f} degrees, shifted ({x:+.2f} +- {dx:.2f},"

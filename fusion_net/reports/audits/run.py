@@ -100,7 +100,8 @@ class Auditor:
             (self.folder / FOLDER).mkdir(parents=True, exist_ok=True)
             picture = overlay_picture(self.dataset, places[0])
             cv2.imwrite(str(self.folder / FOLDER / OVERLAY), picture[..., ::-1])
-        return audit_calibration(self._views(), self.copies[:50], overlay=overlay, usual=self._usual())
+        copies = self.copies[:50] if len(set(self.truth.scenes)) > 1 else None
+        return audit_calibration(self._views(), copies, overlay=overlay, usual=self._usual())
 
     @property
     def _camera(self) -> CameraEncoder | None:

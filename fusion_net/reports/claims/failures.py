@@ -71,7 +71,7 @@ def _claim(results: Results, failure: Failure) -> Claim:
         return not_measured(failure.text, failure.command, results.shown(folder, "audits", f"{failure.audit}.json"))
     if audit["ok"] is None:
         return Claim(failure.text, failure.command, audit["verdict"], OPEN)
-    if sound is None:
+    if sound is None or sound["ok"] is None:
         return Claim(failure.text, failure.command, audit["verdict"], verdict(not audit["ok"]))
     silent = f"The sound run: {'ok' if sound['ok'] else 'wrong'}: {sound['verdict']}"
     return Claim(failure.text, failure.command, audit["verdict"], verdict(not audit["ok"], bool(sound["ok"])), silent)

@@ -89,6 +89,25 @@ def test_what_a_sound_car_has_is_taken_off(views, copies):
     assert after.numbers["pairs"]["C+L"]["turn_deg"] == pytest.approx(0.0)
 
 
+def test_one_scene_has_no_errors_and_its_views_are_not_judged(views):
+    crooked = paired(views | {"camera": [moved(b, 3.0) for b in views["camera"]]})
+    audit = audit_calibration(crooked, None)
+    assert audit.ok is None
+    assert audit.verdict.endswith("C+L, C+R, L+R not judged: one scene, so no standard error")
+    assert "+-" not in audit.verdict
+    pair = audit.numbers["pairs"]["C+L"]
+    assert pair["turn_deg"] == pytest.approx(-3.0, abs=0.3)
+    assert (pair["turn_error"], pair["shift_error"]) == (None, None)
+
+
+@pytest.mark.parametrize(("turn", "ok"), [(0.0, True), (1.0, False)])
+def test_the_overlay_of_one_scene_is_judged(views, turn, ok):
+    audit = audit_calibration(paired(views), None, overlay={"turn_deg": turn, "turn_error": 0.05})
+    assert audit.ok is ok
+    assert audit.verdict.startswith(f"overlay {turn:+.2f} +- 0.05 degrees; C+L turned")
+    assert audit.numbers["culprit"] == ""
+
+
 def test_too_little_in_common_is_not_judged(copies):
     nothing = [Heat.empty()] * SAMPLES
     audit = audit_calibration({("camera", "lidar"): (nothing, nothing)}, copies)

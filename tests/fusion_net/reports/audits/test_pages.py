@@ -7,6 +7,8 @@ import pytest
 
 from fusion_net.common.boxes import Boxes
 from fusion_net.evaluation.audits.association import audit_association, by_distance
+from fusion_net.evaluation.audits.calibration import audit_calibration
+from fusion_net.evaluation.audits.heat import Heat
 from fusion_net.evaluation.audits.result import Audit
 from fusion_net.models.late.sensor_calibration import SensorCalibration
 from fusion_net.reports.audits.pages import read_audits, write_audit, write_page
@@ -34,6 +36,17 @@ def test_an_audits_file_explains_itself(tmp_path):
     page = (tmp_path / "audits.md").read_text()
     assert "![association](audits/association.png)" in page
     assert "not judged: nothing to see" in page
+
+
+def test_a_calibration_audit_without_errors_is_drawn(tmp_path):
+    rng = np.random.default_rng(0)
+    view = [Heat(rng.uniform(5, 40, (40, 2)), np.tile(np.eye(2), (40, 1, 1)), np.zeros(40, np.int64), np.ones(40))]
+    write_audit(tmp_path, audit_calibration({("lidar", "radar"): (view, view)}, None))
+    write_page(tmp_path)
+    (doc,) = read_audits(tmp_path)
+    assert doc["numbers"]["pairs"]["L+R"]["shift_error"] is None
+    assert (tmp_path / "audits" / doc["picture"]).stat().st_size > 1000
+    assert "not judged: L+R turned" in (tmp_path / "audits.md").read_text()
 
 
 def test_a_damaged_file_is_named(tmp_path):

@@ -10,8 +10,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from fusion_net.common.atomic import LOCK, only_writer
 from fusion_net.common.nuscenes_format import MANIFEST_FILE
-from fusion_net.common.one_writer import LOCK, only_writer
 from fusion_net.common.settings import differences
 
 FORMAT = 3

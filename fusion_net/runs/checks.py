@@ -6,9 +6,9 @@ from pathlib import Path
 
 from omegaconf import DictConfig, OmegaConf
 
+from fusion_net.common.atomic import LOCK, only_writer
 from fusion_net.common.checks import check_names, check_not_negative, check_probabilities
 from fusion_net.common.cli.processes import is_first
-from fusion_net.common.one_writer import LOCK, only_writer
 from fusion_net.nuscenes.absent import check_data
 from fusion_net.runs.run_dir import load_config, refuse_folder, run_folder
 from fusion_net.runs.sources import shipped_path, source_of

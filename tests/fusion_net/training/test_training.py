@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import torch
 
-from fusion_net.common.one_writer import LOCK
+from fusion_net.common.atomic import LOCK
 from fusion_net.fit import fit
 from fusion_net.nuscenes.nuscenes import NuScenes
 from fusion_net.runs.checks import only_training

@@ -7,12 +7,12 @@ import time
 
 import pytest
 
-from fusion_net.common.one_writer import only_writer
+from fusion_net.common.atomic import only_writer
 
 HOLD = """
 import sys, time
 from pathlib import Path
-from fusion_net.common.one_writer import only_writer
+from fusion_net.common.atomic import only_writer
 with only_writer(Path(sys.argv[1]), "busy"):
     print("held", flush=True)
     time.sleep(60)

@@ -18,6 +18,8 @@ def main(cfg: DictConfig) -> None:
     from fusion_lab.page.address import check_port
     from fusion_net.runs.sources import checkpoint_path
 
+    if not cfg.data.root:
+        raise ValueError("data.root is where the scenes are kept; write data.root=data/lab")
     runs = [cfg.run] if isinstance(cfg.run, str) else list(cfg.run or [])
     check_port(cfg.host, cfg.port)  # both before torch is imported, which takes longer
     for run in runs:

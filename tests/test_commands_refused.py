@@ -104,6 +104,9 @@ MISTAKES = [
         "checkpoint=nano",
         "no data in data/sequence; make some: python -m data_gen data=sequence data.root=data/seq",
     ),
+    (STATISTICS, "data.root=null", "data.root=null names no folder of data; write data.root=DIR"),
+    (TRAIN, "data.root=null", "data.root=null names no folder of data; write data.root=DIR"),
+    (LIDAR_CHECK, "data.root=null", "data.root=null names no folder of data"),
     (STATISTICS, "samples=none", "samples=none is not a whole number; the default is 300"),
     (STATISTICS, "data.root=nowhere", "no data in nowhere; make some: python -m data_gen"),
     (LIDAR_CHECK, "smple=1", "did you mean sample or split?"),
@@ -132,9 +135,7 @@ def test_a_mistake_is_one_line_and_writes_nothing(command, override, answer, tmp
         TRAIN, [*EVAL, "checkpoint=nano"], STATISTICS, LIDAR_CHECK, PAINTING, RERUN_LOG, [*RERUN_LOG, "checkpoint=nano"],
         [*ANIMATION, "checkpoint=nano"], [*TRACKS, "checkpoint=nano", "data.root=null"],
     ],
-
-
-ids=lambda command: "_".join(command)[-30:],
+    ids=lambda command: "_".join(command)[-30:],
 )  # fmt: skip
 def test_where_only_other_data_is_there_every_command_names_it(command, tmp_path, warm):
     if command[:2] == RERUN_LOG:

@@ -27,8 +27,10 @@ def refuse_no_data(root: Path) -> None:
 
 
 def check_data(root: str | Sequence[str] | None) -> None:
-    """The same for ``data.root``, a folder or a list of them."""
-    for folder in [root] if isinstance(root, str) else root or []:
+    """The same for ``data.root``, a folder or a list of them; ValueError where it names none."""
+    if not root:
+        raise ValueError(f"data.root={as_override(root)} names no folder of data; write data.root=DIR")
+    for folder in [root] if isinstance(root, str) else root:
         refuse_no_data(Path(folder))
 
 

@@ -7,6 +7,7 @@ from functools import cache
 from pathlib import Path
 
 from fusion_net.common.nuscenes_format import MANIFEST_FILE
+from fusion_net.nuscenes.absent import check_data
 from fusion_net.nuscenes.nuscenes import NuScenes
 from fusion_net.nuscenes.tables import versions
 
@@ -18,9 +19,8 @@ def open_datasets(root: str | Sequence[str], version: str | None = None, *, mapp
     """The data sets of a folder or of a list of folders, each a data set itself or a folder of shards. ``version`` names the
     folder of tables; in a list it chooses where there are several. ValueError when shards do not belong together; missing ones
     are named on stderr. ``mapped`` as in :class:`NuScenes`."""
+    check_data(root)
     folders = [Path(folder) for folder in ([root] if isinstance(root, str) else root)]
-    if not folders:
-        raise ValueError("data.root=[] names no folder of data")
     has_choice = [len(folders) == 1 or len(versions(folder)) > 1 for folder in folders]
     return [
         nusc

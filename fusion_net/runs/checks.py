@@ -107,4 +107,5 @@ def check_detector(cfg: DictConfig) -> None:
     root = cfg.data.root
     if root is None and not OmegaConf.is_missing(cfg, "run"):
         root = OmegaConf.select(load_config(Path(cfg.run)), "data.root")
-    check_data(root)
+    if root is not None:
+        check_data(root)

@@ -17,7 +17,7 @@ from fusion_net.common.cli.hints import accepts
 
 LISTS = ("data.root", "audits")
 """Keys that take one name or a list of them."""
-CAN_BE_NULL = ("results",)
+CAN_BE_NULL = ("results", "data.root")
 """Keys of a name that may be null."""
 
 FOLDERS = {"runs": "run", "data": "data.root"}

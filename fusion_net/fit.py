@@ -1,7 +1,8 @@
 """From a composed config to a finished run folder."""
 
 import copy
-from contextlib import ExitStack
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -56,23 +57,20 @@ def fit(cfg: DictConfig) -> Path:
     trainer = lightning_trainer(cfg, plan, folder, val_set, val_batches, first_step)
     sampler = _sampler(cfg, train_set, plan, first_step, ranks=trainer.num_devices * trainer.num_nodes)
     with ExitStack() as until_done:
-        if trainer.is_global_zero:  # the other processes of a run find it tried and its folder open
-            with autocast(cfg.trainer.precision):
-                keys = sampler.keys(0)[: cfg.trainer.batch_size]
-                _try(model, train_set.collate([train_set[key] for key in keys]), next(iter(val_batches)))
-            until_done.enter_context(only_training(folder))
-            open_run(
-                folder,
-                cfg,
-                data=train_set.made_by,
-                resume=cfg.resume,
-                overwrite=cfg.overwrite,
-                devices=sampler.ranks,
-            )
-            parameters, samples = sum(p.numel() for p in model.parameters()) / 1e6, len(sampler.places)
-            print(f"{folder}: {parameters:.2f} M parameters, {samples} training and {len(val_set)} validation samples")
-        batches = train_loader(train_set, sampler, cfg.dataset.workers)
-        _train(trainer, module, batches, resume_from=last if first_step else None)
+        with _advice_to_resume():
+            if trainer.is_global_zero:  # the other processes of a run find it tried and its folder open
+                with autocast(cfg.trainer.precision):
+                    keys = sampler.keys(0)[: cfg.trainer.batch_size]
+                    _try(model, train_set.collate([train_set[key] for key in keys]), next(iter(val_batches)))
+                until_done.enter_context(only_training(folder))
+                made_by, devices = train_set.made_by, sampler.ranks
+                open_run(folder, cfg, data=made_by, resume=cfg.resume, overwrite=cfg.overwrite, devices=devices)
+                parameters, samples = sum(p.numel() for p in model.parameters()) / 1e6, len(sampler.places)
+                print(
+                    f"{folder}: {parameters:.2f} M parameters, {samples} training and {len(val_set)} validation samples"
+                )
+            batches = train_loader(train_set, sampler, cfg.dataset.workers)
+            _train(trainer, module, batches, resume_from=last if first_step else None)
         if trainer.is_global_zero:
             if is_late(cfg):
                 calibrate_checkpoints([folder / "checkpoints" / f"{name}.ckpt" for name in ("best", "last")], cfg)
@@ -129,13 +127,20 @@ def _sampler(
     )
 
 
+@contextmanager
+def _advice_to_resume() -> Iterator[None]:
+    """Ctrl-C, from the opening of the folder on, says how to go on."""
+    try:
+        yield
+    except (KeyboardInterrupt, SystemExit):  # the latter is what Lightning makes of the former
+        raise KeyboardInterrupt("add resume=true to the same command to go on") from None
+
+
 def _train(trainer: pl.Trainer, module: DetectorModule, batches: DataLoader, *, resume_from: Path | None) -> None:
-    """To the end of the plan. KeyboardInterrupt and ChildProcessError say how to go on."""
+    """To the end of the plan. ChildProcessError says how to go on."""
     try:
         with handlers_restored():
             trainer.fit(module, batches, ckpt_path=resume_from, weights_only=True)
-    except (KeyboardInterrupt, SystemExit):  # the latter is what Lightning makes of the former
-        raise KeyboardInterrupt("add resume=true to the same command to go on") from None
     except RuntimeError as error:
         if "DataLoader worker" not in str(error):
             raise

@@ -13,6 +13,7 @@ from torch.utils.data import DataLoader
 
 from fusion_net.common.cli.command import build
 from fusion_net.common.cli.command_line import command_line
+from fusion_net.common.cli.processes import interrupts_held
 from fusion_net.data.batch import Batch
 from fusion_net.data.datamodule import NuScenesDataset, StepSampler, keep_memory, make_loader, train_loader
 from fusion_net.evaluate import evaluate_finished
@@ -132,15 +133,18 @@ def _advice_to_resume() -> Iterator[None]:
     """Ctrl-C, from the opening of the folder on, says how to go on."""
     try:
         yield
-    except (KeyboardInterrupt, SystemExit):  # the latter is what Lightning makes of the former
+    except KeyboardInterrupt:
         raise KeyboardInterrupt("add resume=true to the same command to go on") from None
 
 
 def _train(trainer: pl.Trainer, module: DetectorModule, batches: DataLoader, *, resume_from: Path | None) -> None:
     """To the end of the plan. ChildProcessError says how to go on."""
     try:
-        with handlers_restored():
+        with handlers_restored(), interrupts_held():
             trainer.fit(module, batches, ckpt_path=resume_from, weights_only=True)
+    except SystemExit:  # what Lightning makes of Ctrl-C, once it has killed the other processes
+        getattr(trainer.strategy.launcher, "procs", []).clear()  # its watch over them would now kill this one, too
+        raise KeyboardInterrupt from None
     except RuntimeError as error:
         if "DataLoader worker" not in str(error):
             raise

@@ -41,7 +41,7 @@ def test_a_run_that_is_ended_goes_on_to_the_same_weights(data, unbroken, tmp_pat
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seconds", [0.0, 1.5])
+@pytest.mark.parametrize("seconds", [0.0, 0.1, 1.5])
 def test_ctrl_c_while_a_second_process_starts_is_one_line(data, tmp_path, seconds):
     command = [*TRAIN, f"data.root={data}", "name=two", "trainer.devices=2", *CUT]
     opened = tmp_path / "runs/two/config.yaml"

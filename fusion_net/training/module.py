@@ -6,6 +6,7 @@ from pathlib import Path
 import lightning.pytorch as pl
 import torch
 
+from fusion_net.common.cli.processes import release_interrupts
 from fusion_net.common.nuscenes_format import MODALITIES
 from fusion_net.data.batch import Batch
 from fusion_net.models.fusion_net import FusionNet
@@ -46,6 +47,11 @@ class DetectorModule(pl.LightningModule):
         self.stage: Stage = "fusion"
         self.progress = 0.0
         self.scalars: dict[str, torch.Tensor] = {}
+
+    def configure_callbacks(self) -> list[pl.Callback]:
+        """No callbacks; it is Lightning's first call after it has started the other processes."""
+        release_interrupts()
+        return []
 
     def enter(self, stage: Stage, progress: float) -> None:
         """Told before each step where the plan is."""

@@ -24,16 +24,20 @@ SYMMETRIC = ("barrier", "traffic_cone")
 """Classes whose two ends look the same: nuScenes scores barriers' headings modulo pi, and cones' not at all."""
 
 
-def focal_loss(logits: Tensor, heatmap: Tensor) -> Tensor:
+def focal_loss(logits: Tensor, heatmap: Tensor, class_weights: list[float] | None = None) -> Tensor:
     """Penalty-reduced focal loss (CornerNet, Law & Deng 2018, eq. 1; alpha 2, beta 4) over positives, at least one.
 
-    Logits and Gaussian heat maps in [0, 1] of one shape; the cells that are exactly 1 are the positives.
+    Logits and Gaussian heat maps in [0, 1] of one shape; the cells that are exactly 1 are the positives. ``class_weights``:
+    of each class of maps (..., K, H, W), hits and misses alike, so that a score goes on to mean a probability.
     """
     positive = heatmap == 1
     probability = logits.sigmoid()
     hit = F.logsigmoid(logits) * (1 - probability) ** 2
     miss = F.logsigmoid(-logits) * probability**2 * (1 - heatmap) ** 4
-    return -torch.where(positive, hit, miss).sum() / positive.sum().clamp(min=1)
+    loss = torch.where(positive, hit, miss)
+    if class_weights is not None:
+        loss = loss * loss.new_tensor(class_weights)[:, None, None]
+    return -loss.sum() / positive.sum().clamp(min=1)
 
 
 def masked_l1(values: Tensor, target: Tensor) -> Tensor:
@@ -103,7 +107,9 @@ class DetectionLoss:
     ``depth_supervision``: "none", "lidar" (the feature cells that a return falls on) or "dense" (exact depth, where
     generated). A box is regressed in the cells up to ``box_radius`` from the object's own cell, since its peak may come to
     lie there; its variance at the strongest of the cells up to ``peak_radius``. ``object_weight``: how much more a feature
-    cell on an object counts in the depth losses, since detection follows the depth of objects.
+    cell on an object counts in the depth losses, since detection follows the depth of objects. ``class_weights``: how much a
+    class counts in the heat maps, ``pixel_class_weights`` in the class scores of the image plane; None: as much as it is
+    frequent, and in images large, of which a small network learns little of bicycles and cones.
     """
 
     def __init__(
@@ -117,10 +123,14 @@ class DetectionLoss:
         object_weight: float,
         peak_radius: int,
         box_radius: int,
+        class_weights: dict[str, float | int] | None = None,  # as runs were trained before there were any
+        pixel_class_weights: dict[str, float | int] | None = None,
     ) -> None:
         check_weights(weights)
         self.bins, self.grid, self.depth_supervision, self.weights = bins, grid, depth_supervision, weights
         self.object_weight, self.peak_radius, self.box_radius = object_weight, peak_radius, box_radius
+        self.class_weights = _by_class("class_weights", class_weights, classes)
+        self.pixel_class_weights = _by_class("pixel_class_weights", pixel_class_weights, classes)
         self.symmetric = [label for label, name in enumerate(classes) if name in SYMMETRIC]
 
     def __call__(self, outputs: Outputs, batch: Batch) -> dict[str, Tensor]:
@@ -143,7 +153,7 @@ class DetectionLoss:
         if targets is None:
             raise ValueError("loss: the batch has no targets; the reader makes them for training and validation only")
         sample, row, column = targets.mask.nonzero(as_tuple=True)
-        terms = {"heatmap": focal_loss(maps["heatmap"], targets.heatmap)}
+        terms = {"heatmap": focal_loss(maps["heatmap"], targets.heatmap, self.class_weights)}
         r, c, step, inside = _window(targets.mask, row, column, self.box_radius)
         to_neighbour = self.grid.between((row[:, None], column[:, None]), (r, c))
         own = (step == 0).all(dim=1)
@@ -176,7 +186,9 @@ class DetectionLoss:
         """The heat map loss of each encoder's own map, over the samples that have the sensor, as a mean over sensors."""
         if targets is None or not views:
             return {}
-        each = [focal_loss(logits[there], targets.heatmap[there]) for logits, there in views.values()]
+        each = [
+            focal_loss(logits[there], targets.heatmap[there], self.class_weights) for logits, there in views.values()
+        ]
         return self._weighted({"aux_heatmap": torch.stack(each).mean()})
 
     def image_terms(self, image: ImagePredictions, batch: Batch) -> dict[str, Tensor]:
@@ -197,7 +209,7 @@ class DetectionLoss:
         if batch.class_map is not None:
             index = torch.arange(image.class_logits.shape[2], device=batch.class_map.device).view(-1, 1, 1)
             one_hot = (batch.class_map[:, :, None] == index).float()
-            terms["classes"] = focal_loss(image.class_logits, one_hot)
+            terms["classes"] = focal_loss(image.class_logits, one_hot, self.pixel_class_weights)
         return self._weighted(terms or {"classes": image.class_logits.sum() * 0.0})
 
 
@@ -211,3 +223,13 @@ def check_weights(weights: dict[str, float | int]) -> None:
     for name, weight in weights.items():
         if not 0 <= weight < math.inf:
             raise ValueError(f"weights: {name}={weight} must be a finite number of at least 0")
+
+
+def _by_class(name: str, weights: dict[str, float | int] | None, classes: list[str]) -> list[float] | None:
+    """The weights in the order of the classes. ValueError unless each class has a positive one."""
+    if weights is None:
+        return None
+    for label in classes:
+        if not 0 < weights.get(label, 0) < math.inf:
+            raise ValueError(f"losses: {name}.{label}={weights.get(label)} must be a finite number above 0")
+    return [float(weights[label]) for label in classes]

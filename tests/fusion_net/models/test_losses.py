@@ -38,6 +38,21 @@ def test_focal_loss_is_finite_without_positives_and_at_extreme_logits():
     assert focal_loss(torch.full((4,), -100.0), torch.zeros(4)) == 0
 
 
+def test_a_class_weight_scales_the_losses_of_its_own_map_alone():
+    logits, heat = torch.randn(2, 3, 4, 4), torch.rand(2, 3, 4, 4)
+    heat[0, :, 1, 1] = 1.0
+    each = [focal_loss(logits[:, k], heat[:, k]) / 3 for k in range(3)]  # a third of the positives is each one's
+    expected = sum(weight * loss for weight, loss in zip((1.0, 2.0, 0.5), each, strict=True))
+    torch.testing.assert_close(focal_loss(logits, heat, [1.0, 2.0, 0.5]), expected)
+
+
+@pytest.mark.parametrize("name", ["class_weights", "pixel_class_weights"])
+@pytest.mark.parametrize("weights", [{"car": 1.0}, {"car": 1.0, "barrier": 0.0}, {"car": 1.0, "barrier": math.nan}])
+def test_every_class_needs_a_weight_above_zero(name, weights):
+    with pytest.raises(ValueError, match=rf"losses: {name}.barrier="):
+        detection_loss(**{name: weights})
+
+
 def test_an_unknown_velocity_has_no_gradient():
     values = torch.ones(3, 2, requires_grad=True)
     target = torch.tensor([[0.0, 0.0], [torch.nan, torch.nan], [1.0, 1.0]])

@@ -5,7 +5,8 @@ import re
 import pytest
 
 from fusion_net.common.cli.command import CONFIGS, UserError, check_overrides
-from fusion_net.common.cli.overrides import COMMANDS, Settings
+from fusion_net.common.cli.config_files import COMMANDS
+from fusion_net.common.cli.overrides import Settings
 
 
 @pytest.mark.parametrize(

@@ -19,14 +19,8 @@ from data_gen.scene.conditions import Condition
 from data_gen.scene.embree import Tree
 from data_gen.scene.luminaires import luminaires
 from data_gen.scene.noise import GOLDEN
-from data_gen.scene.ray_kernels import (
-    blocked_by_bodies,
-    blocked_by_world,
-    finish,
-    meet_bodies,
-    meet_world,
-    passing,
-)
+from data_gen.scene.ray_cones import passing
+from data_gen.scene.ray_kernels import blocked_by_bodies, blocked_by_world, finish, meet_bodies, meet_world
 from data_gen.scene.wetness import Wetness
 from data_gen.world.ground import GroundMap
 from fusion_net.common.geometry import rotate_yaw

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from data_gen.jobs.jit import jit
 from data_gen.scene.noise import noise3
-from data_gen.scene.ray_kernels import passing
+from data_gen.scene.ray_cones import passing
 from data_gen.scene.scene import Scene, kernel_rays
 
 Array = NDArray[np.float64]

@@ -31,7 +31,7 @@ from fusion_lab.engine.ray_memory import RayMemory
 from fusion_lab.engine.state import Weather
 from fusion_net.common.cli.command import build
 from fusion_net.common.cli.composed import composed
-from fusion_net.common.cli.overrides import CONFIGS
+from fusion_net.common.cli.config_files import CONFIGS
 from fusion_net.common.nuscenes_format import DEPTH_SUFFIX, MANIFEST_FILE
 from fusion_net.common.random import stream
 from fusion_net.nuscenes.nuscenes import NuScenes

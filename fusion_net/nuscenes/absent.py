@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from fusion_net.common.cli.command_line import as_override, command_line
-from fusion_net.common.cli.overrides import CONFIGS
+from fusion_net.common.cli.config_files import CONFIGS
 from fusion_net.nuscenes.tables import manifest, versions
 
 PLACE = Path("data")

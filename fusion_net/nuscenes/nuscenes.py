@@ -12,7 +12,6 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from fusion_net.common.nuscenes_format import BEAMS, REFERENCE
 from fusion_net.nuscenes.absent import refuse_no_data
@@ -21,6 +20,7 @@ from fusion_net.nuscenes.mapped_tables import View, listed, map_tables
 from fusion_net.nuscenes.splits import read_splits
 from fusion_net.nuscenes.table_fields import Record, Tables
 from fusion_net.nuscenes.tables import load_tables, manifest, repair_advice, version_folder
+from fusion_net.nuscenes.transforms import transform_of, transforms_of
 
 
 class NuScenes:
@@ -42,7 +42,7 @@ class NuScenes:
             for token, record in self.tables["calibrated_sensor"].items()
         }
         self._annotation_tables: dict[str, AnnotationTable] = {}
-        self._mounts = _transforms(self.tables["calibrated_sensor"])
+        self._mounts = transforms_of(self.tables["calibrated_sensor"])
         self.keyframes: Mapping[str, dict[str, Record]] = (
             View(self.mapped.keyframes, self._keyframes_of) if self.mapped else self._all_keyframes()
         )
@@ -64,7 +64,7 @@ class NuScenes:
     @cached_property
     def _poses(self) -> Mapping[str, NDArray[np.float64]]:
         poses = self.tables["ego_pose"]
-        return View(poses, _transform) if self.mapped else _transforms(poses)
+        return View(poses, transform_of) if self.mapped else transforms_of(poses)
 
     @cached_property
     def fingerprint(self) -> str:
@@ -246,19 +246,3 @@ class NuScenes:
             )
             self._annotation_tables[part] = AnnotationTable(self.tables, own)
         return self._annotation_tables[part]
-
-
-def _transform(record: Record) -> NDArray[np.float64]:
-    return _transforms({"": record})[""]
-
-
-def _transforms(table: dict[str, Record]) -> dict[str, NDArray[np.float64]]:
-    """``a_T_b`` (4, 4) by token, from the records' rotation and translation; converted at once, which is 50 times
-    faster."""
-    if not table:
-        return {}
-    a_T_b = np.tile(np.eye(4), (len(table), 1, 1))
-    rotation = np.array([record["rotation"] for record in table.values()], float)
-    a_T_b[:, :3, :3] = Rotation.from_quat(rotation, scalar_first=True).as_matrix()
-    a_T_b[:, :3, 3] = [record["translation"] for record in table.values()]
-    return dict(zip(table, a_T_b, strict=True))

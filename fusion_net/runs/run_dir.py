@@ -3,12 +3,8 @@ in :mod:`fusion_net.runs.checkpoints`, so that what is said of a folder needs no
 
 import difflib
 import json
-import os
-import platform
 import re
-import subprocess
 from collections.abc import Mapping, Sequence
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +13,9 @@ from yaml import YAMLError
 
 from fusion_net.common.atomic import replacing
 from fusion_net.common.cli.command_line import command_line, job_number, job_overrides
-from fusion_net.common.cli.typed import typed_command
 from fusion_net.common.settings import differences
 from fusion_net.reports.run_result import RESULT
+from fusion_net.runs.environment import environment
 
 LONGEST_NAME = 200
 """Bytes of a folder's name; file systems take 255."""
@@ -180,35 +176,6 @@ def renewed(settings: Any) -> Any:
     return settings
 
 
-def environment() -> dict[str, Any]:
-    """What a result depends on beside its settings: code, versions, processor."""
-    import torch
-
-    return {
-        "command": typed_command(),
-        "git": git_revision(),
-        "python": platform.python_version(),
-        "torch": torch.__version__,
-        "lightning": version("lightning"),  # to import it takes seconds
-        "numpy": version("numpy"),
-        "processor": _processor(),
-        "cores": os.cpu_count(),
-        "threads": torch.get_num_threads(),
-    }
-
-
-def git_revision() -> str:
-    """Commit of the source tree, with "+" when it has changes; "" outside a repository."""
-    here = Path(__file__).resolve().parent
-
-    def git(*arguments: str) -> str:
-        done = subprocess.run(["git", *arguments], cwd=here, capture_output=True, text=True, check=False)
-        return done.stdout.strip()
-
-    revision = git("rev-parse", "--short", "HEAD")
-    return revision + ("+" if revision and git("status", "--porcelain", "--untracked-files=no") else "")
-
-
 def surroundings(folder: Path) -> dict[str, Any]:
     """The run's env.json; {} where there is none."""
     path = folder / "env.json"
@@ -227,13 +194,6 @@ def _write_surroundings(folder: Path, values: dict[str, Any]) -> None:
 def _write(path: Path, text: str) -> None:
     with replacing(path) as file:
         file.write(text.encode())
-
-
-def _processor() -> str:
-    info = Path("/proc/cpuinfo")
-    lines = info.read_text(encoding="utf-8").splitlines() if info.exists() else []
-    names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
-    return names[0] if names else platform.processor()
 
 
 def _settings(cfg: DictConfig) -> dict[str, Any]:

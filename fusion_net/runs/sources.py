@@ -6,8 +6,8 @@ from pathlib import Path
 from omegaconf import DictConfig, OmegaConf
 
 from fusion_net.common.cli.command_line import as_override, command_line
+from fusion_net.common.cli.config_files import CONFIGS
 from fusion_net.common.cli.override_values import nearest
-from fusion_net.common.cli.overrides import CONFIGS
 from fusion_net.common.cli.typed import retyped
 from fusion_net.runs.run_dir import load_config, surroundings
 

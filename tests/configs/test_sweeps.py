@@ -8,7 +8,8 @@ from hydra.core.plugins import Plugins
 from hydra.plugins.launcher import Launcher
 from hydra.utils import get_class
 
-from fusion_net.common.cli.overrides import CONFIGS, check_overrides
+from fusion_net.common.cli.config_files import CONFIGS
+from fusion_net.common.cli.overrides import check_overrides
 
 SWEEPS = sorted(path.stem for path in (CONFIGS / "sweep").glob("*.yaml"))
 LAUNCHERS = {

@@ -12,7 +12,8 @@ import pytest
 
 from fusion_net.common.cli import command as front_door
 from fusion_net.common.cli.command import UserError
-from fusion_net.common.cli.overrides import COMMANDS, check_overrides
+from fusion_net.common.cli.config_files import COMMANDS
+from fusion_net.common.cli.overrides import check_overrides
 from tests.fixtures.doc_blocks import PAGES, ROOT, UNFENCED, Command, block_commands, blocks, inline_commands, recipe
 from tests.fixtures.doc_names import GIVEN, ONLY_COMPILED
 from tests.fixtures.doc_reader import Reader

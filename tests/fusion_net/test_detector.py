@@ -1,28 +1,22 @@
 """Arrays in, boxes out: an evaluation's own boxes, with any subset of the sensors, and clear words for what is wrong."""
 
-import re
-from pathlib import Path
-
 import numpy as np
 import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fusion_net.common.cli.command import build
 from fusion_net.common.geometry import from_rpy
 from fusion_net.common.nuscenes_format import MODALITIES
 from fusion_net.data.datamodule import make_loader
 from fusion_net.detector import Calibration, Detections, Detector
 from fusion_net.evaluation.drop_table import predict
-from fusion_net.runs.run_dir import open_run
 from fusion_net.runs.samples import open_samples
 from fusion_net.runs.trained import trained_run
 from tests.fixtures.tiny_tree import CAM_K, OPTICAL
-from tests.fixtures.training_setup import settings as run_settings
-from tests.fixtures.training_setup import write_data
+from tests.fixtures.training_setup import SMALL, write_data
+from tests.fixtures.untrained_run import write_run
 
-PROJECT = Path(__file__).resolve().parents[2]
 ARRAYS = {"camera": "images", "lidar": "points", "radar": "radar"}
 
 
@@ -31,15 +25,7 @@ def folder(tmp_path_factory):
     """A run of an untrained network, which validates on three samples of two cameras."""
     place = tmp_path_factory.mktemp("place")
     data = write_data(place / "tree")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(place)
-        torch.manual_seed(0)
-        cfg = run_settings(data)
-        folder = open_run(Path("runs/mini"), cfg, resume=False, overwrite=False)
-        model = build(cfg.model, "model")
-        weights = {f"model.{name}": value for name, value in model.state_dict().items()}
-        torch.save({"state_dict": weights}, folder / "checkpoints/best.ckpt")
-    return place / folder
+    return write_run(place / "runs/mini", f"data.root={data}", *SMALL)
 
 
 @pytest.fixture(scope="module")
@@ -235,50 +221,3 @@ def test_a_network_says_which_sensors_it_takes(folder, dataset):
     detector.sensors = ["lidar"]
     with pytest.raises(ValueError, match="no encoder for camera; it takes lidar"):
         detector(**arrays(dataset[0]))
-
-
-def test_weights_that_are_not_there_are_named():
-    with pytest.raises(FileNotFoundError, match="no shipped weights nonsense"):
-        Detector.load("nonsense")
-
-
-@pytest.mark.parametrize("name", [None, "", 5])
-def test_what_is_no_name_is_answered_with_those_there_are(name):
-    with pytest.raises(ValueError, match=rf'detector: {name!r} names none; give shipped weights \("nano", '):
-        Detector.load(name)
-
-
-@pytest.mark.parametrize(
-    ("name", "answer"),
-    [
-        ("nan", r"no shipped weights nan; did you mean nano\?"),
-        ("README.md", "no shipped weights README.md; there are nano, "),
-        ("data", "no run at data; there are runs/mini; train it"),
-        ("mini", "there is a run of this name: runs/mini"),
-        ("runs/min", r"no run at runs/min; did you mean runs/mini\?"),
-    ],
-)
-def test_a_file_or_folder_that_is_no_detector_is_answered_with_the_nearest(folder, monkeypatch, name, answer):
-    monkeypatch.chdir(folder.parents[1])
-    (folder.parents[1] / "README.md").touch()
-    (folder.parents[1] / "data").mkdir(exist_ok=True)
-    with pytest.raises(FileNotFoundError, match=answer):
-        Detector.load(name)
-
-
-def test_a_folder_is_taken_for_a_run(folder, monkeypatch):
-    monkeypatch.chdir(folder.parents[1])
-    answer = r"no run at runs/nothing; there are mini; train it: python train\.py name=nothing"
-    with pytest.raises(FileNotFoundError, match=answer):
-        Detector.load("runs/nothing")
-
-
-@pytest.mark.parametrize("page", ["README.md", "docs/report.md"])
-def test_the_example_of_the_docs_runs_as_it_stands(page, tmp_path, monkeypatch):
-    write_data(tmp_path / "data/try")
-    monkeypatch.chdir(tmp_path)
-    blocks = re.findall(r"```python\n(.*?)```", (PROJECT / page).read_text(encoding="utf-8"), re.DOTALL)
-    (example,) = [block for block in blocks if "Detector.load" in block]
-    names: dict = {}
-    exec(example, names)
-    assert len(names["found"])

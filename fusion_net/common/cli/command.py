@@ -20,10 +20,11 @@ from hydra.utils import instantiate
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import MissingMandatoryValue, OmegaConfBaseException
 
+from fusion_net.common.cli.config_files import CONFIGS
 from fusion_net.common.cli.flags import UserError
 from fusion_net.common.cli.hints import with_floats
 from fusion_net.common.cli.override_values import nearest
-from fusion_net.common.cli.overrides import CONFIGS, check_overrides
+from fusion_net.common.cli.overrides import check_overrides
 from fusion_net.common.cli.processes import is_first, leave_interrupts_to_the_first
 from fusion_net.common.cli.terminal import print_any_text
 from fusion_net.common.cli.typed import note_words

@@ -4,7 +4,7 @@ from hydra import compose, initialize_config_dir
 from hydra.core.global_hydra import GlobalHydra
 from omegaconf import DictConfig
 
-from fusion_net.common.cli.overrides import CONFIGS
+from fusion_net.common.cli.config_files import CONFIGS
 
 
 def composed(config_name: str, *overrides: str) -> DictConfig:

@@ -10,39 +10,14 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from hydra import compose, initialize_config_dir
 from hydra.core.override_parser.types import Override
-from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf
-from omegaconf.errors import OmegaConfBaseException
-from yaml import YAMLError
 
 from fusion_net.common.cli.command_line import as_override
+from fusion_net.common.cli.config_files import COMMANDS, CONFIGS, composed_anew, groups_of, is_written
 from fusion_net.common.cli.flags import UserError, read_flags
 from fusion_net.common.cli.hints import accepts, arguments
 from fusion_net.common.cli.override_values import at, check_type, first, keys, nearest, parsed, values
-
-CONFIGS = Path(__file__).resolve().parents[3] / "configs"
-COMMANDS = {
-    "train": "train.py",
-    "eval": "eval.py",
-    "data_gen": "python -m data_gen",
-    "asset_sheet": "python -m data_gen.pictures.asset_sheet",
-    "contact_sheet": "python -m data_gen.pictures.contact_sheet",
-    "rig_preview": "python -m data_gen.pictures.rig_preview",
-    "ablation": "python -m fusion_net.reports.ablation",
-    "claims": "python -m fusion_net.reports.claims",
-    "compare": "python -m fusion_net.reports.compare",
-    "levels": "python -m fusion_net.reports.levels",
-    "tracks": "python -m fusion_net.reports.tracks",
-    "statistics": "python -m fusion_net.reports.statistics",
-    "lidar_check": "python -m fusion_net.viz.lidar_check",
-    "animation": "python -m fusion_net.viz.animation",
-    "painting": "python -m fusion_net.viz.painting",
-    "rerun_log": "python -m fusion_net.viz.rerun_log",
-    "lab": "python -m fusion_lab",
-}
-"""The command of each file in ``configs/``."""
 
 
 def check_overrides(config_name: str, argv: list[str]) -> list[str]:
@@ -70,7 +45,7 @@ class Settings:
     def __init__(self, config_name: str, own: Path | None, overrides: list[Override]) -> None:
         self.command = config_name
         self.folders = [CONFIGS] if own is None or own.resolve() == CONFIGS else [CONFIGS, own]
-        self.groups = _groups(self.folders)
+        self.groups = groups_of(self.folders)
         plain = _plain(config_name)
         self.base, self.used = set(keys(plain)), set(plain.hydra.runtime.choices)
         chosen = [o for o in overrides if o.key_or_group in self.groups]
@@ -103,7 +78,7 @@ class Settings:
 
     def _compose(self, overrides: list[str]) -> DictConfig:
         more = [f"hydra.searchpath={as_override([f'file://{each.resolve()}' for each in self.folders[1:]])}"]
-        return _composed(self.command, *more, *overrides)
+        return composed_anew(self.command, *more, *overrides)
 
     def _check_group(self, override: Override) -> None:
         key, options = override.key_or_group, self.groups[override.key_or_group]
@@ -202,7 +177,7 @@ class Settings:
         return found
 
     def _unknown(self, kind: str, key: str) -> str:
-        for name, command in COMMANDS.items() if _is_written(key) else ():
+        for name, command in COMMANDS.items() if is_written(key) else ():
             if name != self.command and key in set(keys(_kept(name).cfg)):
                 return f"{COMMANDS[self.command]} does not read '{key}'; it is a setting of {command}"
         options = (self.known | self.used) - {key}
@@ -217,7 +192,7 @@ def _settings(config_name: str, own: Path | None, overrides: list[Override]) -> 
     """Kept where all of it is the project's own, which does not change while a process runs."""
     if own is not None:
         return Settings(config_name, own, overrides)
-    groups = _groups([CONFIGS])
+    groups = groups_of([CONFIGS])
     return _kept(config_name, *(str(each.input_line) for each in overrides if each.key_or_group in groups))
 
 
@@ -228,34 +203,4 @@ def _kept(config_name: str, *chosen: str) -> Settings:
 
 @cache
 def _plain(config_name: str) -> DictConfig:
-    return _composed(config_name)
-
-
-def _composed(config_name: str, *overrides: str) -> DictConfig:
-    with initialize_config_dir(str(CONFIGS), version_base="1.3"):
-        try:
-            return compose(config_name, overrides=list(overrides), return_hydra_config=True)
-        except HydraException as error:
-            raise UserError(str(error).splitlines()[0]) from error
-        except (YAMLError, UnicodeDecodeError, OmegaConfBaseException) as error:
-            raise UserError(f"a file of settings cannot be read: {error}") from error
-
-
-def _is_written(key: str) -> bool:
-    """Whether any file of the project sets a key of this last name: composing the settings of every command takes seconds,
-    which a misspelt one can be spared."""
-    is_set = re.compile(rf"\b{re.escape(key.rpartition('.')[2])}:")
-    return any(is_set.search(path.read_text(encoding="utf-8")) for path in CONFIGS.glob("**/*.yaml"))
-
-
-def _groups(folders: list[Path]) -> dict[str, list[str]]:
-    """The options of every group of settings. UserError for a file that another of the same name would hide."""
-    groups: dict[str, set[str]] = {}
-    for folder in folders:
-        for path in folder.glob("**/*.yaml"):
-            name = path.relative_to(folder)
-            if folder != CONFIGS and (CONFIGS / name).exists():
-                raise UserError(f"{path} has the name of a file of the project, which would be read instead; rename it")
-            if len(name.parts) > 1:
-                groups.setdefault(name.parts[0], set()).add(Path(*name.parts[1:]).with_suffix("").as_posix())
-    return {group: sorted(options) for group, options in groups.items()}
+    return composed_anew(config_name)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from hydra.core.hydra_config import HydraConfig
 
-from fusion_net.common.cli.overrides import COMMANDS
+from fusion_net.common.cli.config_files import COMMANDS
 
 _WORDS: list[str] = []
 

@@ -6,7 +6,7 @@ from typing import Any, get_args
 from hydra.utils import instantiate
 from omegaconf import OmegaConf
 
-from fusion_net.common.cli.overrides import CONFIGS
+from fusion_net.common.cli.config_files import CONFIGS
 from fusion_net.common.fault_effects import Dead, FewerBeams, Mismount, Stale
 from fusion_net.common.faults import Fault
 from fusion_net.common.nuscenes_format import MODALITIES

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fusion_net.common.cli.overrides import CONFIGS
+from fusion_net.common.cli.config_files import CONFIGS
 from fusion_net.evaluation.bootstrap import over_scenes
 from fusion_net.reports.ablation.jobs import Job
 from fusion_net.reports.run_result import SCALE

@@ -21,7 +21,7 @@ from fusion_net.evaluation.cells.store import ABOUT, CellStore, read_cells
 from fusion_net.models.precision import autocast
 from fusion_net.nuscenes.kept_files import keeping_files
 from fusion_net.reports.levels.runs import LevelRun, weights_hash
-from fusion_net.runs.run_dir import environment
+from fusion_net.runs.environment import environment
 from fusion_net.runs.samples import open_samples
 from fusion_net.runs.trained import Trained, trained_run
 

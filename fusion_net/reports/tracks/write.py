@@ -32,7 +32,7 @@ from fusion_net.reports.tables import name_of, of_scenes
 from fusion_net.reports.tracks.picture import busiest_scene, draw_tracks
 from fusion_net.reports.tracks.table import NOTES, as_row, as_text, write_tables
 from fusion_net.runs.checks import check_counts
-from fusion_net.runs.run_dir import environment
+from fusion_net.runs.environment import environment
 from fusion_net.runs.samples import open_samples
 from fusion_net.runs.trained import Trained, trained_of
 

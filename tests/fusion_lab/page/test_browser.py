@@ -2,110 +2,12 @@
 
 import re
 import time
-from urllib.parse import urlparse
 
 import pytest
 
-from tests.fixtures.lab_server import CHROMIUM, DRAWN, serving
-from tests.fixtures.untrained_run import write_run
+from tests.fixtures.lab_page import ANSWER, IN_A_BROWSER, changes, choose, does, opened, press, settle, shown
 
-pytest.importorskip("nicegui", reason="the extra is not installed: python -m pip install -e '.[lab]'")
-sync_api = pytest.importorskip(
-    "playwright.sync_api", reason="Playwright is not installed: python -m pip install -e '.[lab-test]'"
-)
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(CHROMIUM is None, reason="there is no chromium here: apt-get install chromium"),
-]
-ANSWER = 30_000
-"""Milliseconds until an answer."""
-
-
-@pytest.fixture(scope="module")
-def address(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("lab")
-    run = write_run(folder / "run")
-    with serving(folder, f"run={run}", "data.num_scenes=2", "data.keyframes=3") as address:
-        yield address
-    log = (folder / "log").read_text()
-    assert "Traceback" not in log
-    assert "deleted" not in log  # nothing was sent to a tab that is closed
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with sync_api.sync_playwright() as playwright:
-        yield playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-
-
-@pytest.fixture
-def context(browser):
-    """Tabs that may talk to this machine alone."""
-    context, asked = browser.new_context(viewport={"width": 1440, "height": 1000}), []
-    context.on("request", lambda request: asked.append(request.url))
-    context.on("page", lambda page: page.on("websocket", lambda ws: asked.append(ws.url)))
-    wrong = []
-    context.on("weberror", lambda error: wrong.append(str(error.error)))
-    context.on("console", lambda message: wrong.append(message.text) if message.type == "error" else None)
-    yield context
-    context.close()
-    assert {urlparse(url).hostname for url in asked if urlparse(url).scheme not in ("data", "blob")} == {"127.0.0.1"}
-    assert not wrong
-
-
-def settle(page):
-    """Waits until what is shown is what is set."""
-    page.locator('[data-testid=status][data-settled="true"]').wait_for(timeout=ANSWER)
-    page.wait_for_function(DRAWN, timeout=ANSWER)
-
-
-def opened(context, address, query=""):
-    page = context.new_page()
-    page.goto(f"{address}/{query}")
-    settle(page)
-    return page
-
-
-def shown(page):
-    """What is on the page, by what it is."""
-    texts = {name: page.get_by_test_id(name).inner_html() for name in ("score", "panel")}
-    pictures = {}
-    for name in ("camera", "ground"):
-        picture = page.get_by_test_id(f"{name}-picture")
-        pictures[name] = picture.locator("img").get_attribute("src")
-        pictures[f"{name} boxes"] = picture.locator("svg > g").count(), picture.locator("svg").inner_html()
-    return texts | pictures
-
-
-def choose(page, control, choice):
-    """A choice by its words, or by its place."""
-    page.get_by_test_id(control).click()
-    options = page.get_by_role("option")
-    (options.nth(choice) if isinstance(choice, int) else page.get_by_role("option", name=choice, exact=True)).click()
-
-
-def press(page, control, key="ArrowRight", times=1):
-    for _ in range(times):
-        page.get_by_test_id(control).press(key)
-
-
-def changes(page, act, expected):
-    """What has changed when ``act`` has had its effect: all of ``expected``, or the time is up."""
-    before = shown(page)
-    act()
-    until = time.monotonic() + ANSWER / 1000
-    while True:
-        page.wait_for_timeout(200)
-        settle(page)
-        after = shown(page)
-        changed = {name for name in before if before[name] != after[name]}
-        if expected <= changed or time.monotonic() > until:
-            return changed
-
-
-def does(page, act, *expected):
-    """Whether ``act`` changes what is expected."""
-    return set(expected) <= changes(page, act, set(expected))
+pytestmark = IN_A_BROWSER
 
 
 def test_weather_light_and_time_change_what_every_sensor_sees(address, context):
@@ -240,49 +142,3 @@ def test_a_link_that_asks_for_what_is_not_there_gets_a_calm_word(address, contex
     assert "sandstorm" in said
     assert "camera" in said
     assert "degrees=many" in said
-
-
-@pytest.mark.parametrize("width", [390, 1440])
-def test_nothing_is_wider_than_the_screen(address, context, width):
-    page = context.new_page()
-    page.set_viewport_size({"width": width, "height": 900})
-    page.goto(f"{address}/?view=depth")
-    settle(page)
-    assert page.evaluate("document.documentElement.scrollWidth") <= width
-
-
-NAMED = {"slider", "combobox", "radio", "button", "image"}
-VALUED = {"slider", "combobox"}
-
-
-def accessible(page):
-    """What a screen reader is given: role, name and value of each node, and its properties."""
-    nodes = page.context.new_cdp_session(page).send("Accessibility.getFullAXTree")["nodes"]
-    for node in nodes:
-        if not node.get("ignored"):
-            found = {name: node.get(name, {}).get("value") for name in ("role", "name", "value")}
-            yield found | {each["name"]: each["value"].get("value") for each in node["properties"]}
-
-
-@pytest.mark.parametrize("view", ["paint", "depth", "grid", "merge", "scale"])
-def test_a_screen_reader_is_told_the_name_of_every_control_and_picture_and_the_value(address, context, view):
-    page = opened(context, address, f"?view={view}&condition=fog")
-    controls = [node for node in accessible(page) if node["role"] in NAMED]
-    assert not [node for node in controls if not node["name"]]
-    assert not [node for node in controls if node["role"] in VALUED and node["value"] is None]
-    names = {node["name"] for node in controls if node.get("focusable")}
-    assert {"Severity", "Turned to the left", "Camera", "Weather and light", "mid", "Play", "Nothing wrong"} <= names
-    assert page.get_by_test_id("severity").get_attribute("aria-valuetext") == "1 of 3"
-
-
-def test_the_keyboard_alone_reaches_every_control_and_sets_it(address, context):
-    page = opened(context, address, "?condition=fog&view=depth")
-    controls = {node["name"] for node in accessible(page) if node["role"] in ("slider", "combobox", "button")}
-    for _ in range(2 * len(controls)):
-        page.keyboard.press("Tab")
-        controls -= {page.evaluate("document.activeElement.ariaLabel")}
-        controls -= {node["name"] for node in accessible(page) if node.get("focused")}
-    assert not controls
-    page.get_by_test_id("degrees").focus()
-    assert does(page, lambda: [page.keyboard.press("PageUp") for _ in range(3)], "camera boxes")
-    assert page.get_by_test_id("degrees").get_attribute("aria-valuetext").endswith("°")

@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 from omegaconf import OmegaConf
 
 from fusion_net.common.cli.command_line import LONGEST, as_override, command_line, job_folder
-from fusion_net.common.cli.overrides import CONFIGS, check_overrides
+from fusion_net.common.cli.config_files import CONFIGS
+from fusion_net.common.cli.overrides import check_overrides
 from fusion_net.runs.run_dir import run_folder
 
 ODD = [

@@ -1,26 +1,12 @@
-"""What a fault is, how it is drawn, and what the reader makes of it on clean data."""
+"""What the reader makes of faults on clean data."""
 
 import numpy as np
 import pytest
-from hydra import compose, initialize_config_dir
-from omegaconf import OmegaConf
 
 from fusion_net.common.bev_grid import BEVGrid
-from fusion_net.common.cli.command import CONFIGS, UserError, build, check_overrides
-from fusion_net.common.fault_effects import (
-    BlockedLens,
-    Clock,
-    Dead,
-    FewerBeams,
-    LostPoints,
-    LostSector,
-    Mismount,
-    Rings,
-    Stale,
-)
-from fusion_net.common.faults import Fault, FaultPlan, at_severity, fault_at_severity
+from fusion_net.common.fault_effects import BlockedLens, Clock, Dead, LostPoints, LostSector, Mismount, Stale
+from fusion_net.common.faults import Fault
 from fusion_net.common.geometry import invert, transform, yaw_of
-from fusion_net.common.random import stream
 from fusion_net.data.datamodule import NuScenesDataset
 from fusion_net.data.samples import SampleReader
 from fusion_net.nuscenes.nuscenes import NuScenes
@@ -28,7 +14,6 @@ from tests.fixtures.tiny_tree import LANDMARKS, ego_pose, write_tree
 
 TOKEN, T_KEY = "scene-0000-1", 1.5
 GRID = BEVGrid(0.0, 64.0, -24.0, 32.0, 0.5)
-SIX = {f"CAM_{k}": "camera" for k in "ABCDEF"} | {"LIDAR_TOP": "lidar"}
 
 
 @pytest.fixture(scope="module")
@@ -43,45 +28,6 @@ def read(tree, *faults, token=TOKEN, **options):
 def assert_same(one, other):
     for name in ("images", "ego_T_cam", "lidar_points", "radar_points", "present", "lidar_depth"):
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
-
-
-def dead_channels(fault, samples, *, seed=0, channels=SIX):
-    plan = FaultPlan([fault], seed)
-    return [{c for c in channels if plan.on(c, channels, scene="s", sample=f"{k}").dead} for k in range(samples)]
-
-
-# What is drawn.
-
-
-def test_a_draw_a_scene_holds_for_it_and_a_draw_a_sample_does_not():
-    lasting = dead_channels(Fault(sensors=["camera"], effect=Dead(), count=2), 20)
-    assert len({frozenset(dead) for dead in lasting}) == 1
-    assert len(lasting[0]) == 2
-    fleeting = dead_channels(Fault(sensors=["camera"], effect=Dead(), count=2, per="sample"), 20)
-    assert {len(dead) for dead in fleeting} == {2}
-    assert len({frozenset(dead) for dead in fleeting}) > 5
-
-
-def test_each_sensor_has_a_coin_of_its_own():
-    dead = dead_channels(Fault(sensors=["camera"], effect=Dead(), probability=0.4, per="sample"), 400)
-    assert np.mean([len(each) for each in dead]) == pytest.approx(6 * 0.4, abs=0.2)
-    assert {len(each) for each in dead} >= {0, 1, 2, 3, 4, 5}
-
-
-def test_draws_follow_from_the_seed_and_not_from_other_sensors():
-    fault = Fault(sensors=["camera"], effect=Dead(), probability=0.5, per="sample")
-    assert dead_channels(fault, 30) == dead_channels(fault, 30)
-    assert dead_channels(fault, 30) != dead_channels(fault, 30, seed=1)
-    only = {"CAM_C": "camera"}
-    assert [each & {"CAM_C"} for each in dead_channels(fault, 30)] == dead_channels(fault, 30, channels=only)
-
-
-def test_a_channel_or_a_modality_may_be_named():
-    assert dead_channels(Fault(sensors=["CAM_B"], effect=Dead()), 1) == [{"CAM_B"}]
-    assert dead_channels(Fault(sensors=["lidar", "CAM_B"], effect=Dead()), 1) == [{"LIDAR_TOP", "CAM_B"}]
-
-
-# What the reader makes of it.
 
 
 def test_no_fault_and_a_fault_of_nothing_change_nothing(tree):
@@ -170,19 +116,6 @@ def test_a_sector_is_counted_from_straight_ahead_to_the_left(tree):
     assert np.isin(gone[:, 0], clean[outside, 0]).mean() > 0.95
 
 
-@pytest.mark.parametrize("beams", [16, 32, 64, 40])
-def test_evenly_spaced_beams_are_left_of_any_lidar(beams):
-    ring = np.arange(beams)
-    for keep in range(1, beams):
-        kept = FewerBeams(keep=keep).kept(np.zeros(beams), Rings(ring, beams), stream(0), stream(0))
-        assert kept.sum() == keep
-        assert kept[0]
-        steps = np.diff(np.append(ring[kept], beams))
-        assert np.ptp(steps) <= 1
-        if beams % keep == 0:
-            np.testing.assert_array_equal(kept, ring % (beams // keep) == 0)
-
-
 def test_a_tree_that_does_not_say_has_nuscenes_32_beams(tree):
     record = tree.reference("scene-0000-1")
     assert "beams" not in tree.get("calibrated_sensor", record["calibrated_sensor_token"])
@@ -220,133 +153,3 @@ def test_a_dataset_without_a_named_channel_says_what_it_has(tmp_path):
     root = str(write_tree(tmp_path, scenes=2, keyframes=1))
     with pytest.raises(ValueError, match=r"no sensor 'CAM_SIDE'; there are camera, lidar, radar, CAM_FRONT, CAM_BACK"):
         NuScenesDataset(root, "train", grid=GRID, faults=[Fault(sensors=["CAM_SIDE"], effect=Dead())])
-
-
-# The presets and mistakes.
-
-PRESETS = sorted(path.stem for path in (CONFIGS / "fault").glob("*.yaml"))
-
-
-@pytest.mark.parametrize("name", PRESETS)
-def test_every_preset_builds_at_every_severity_and_is_called_as_its_file(name):
-    node = OmegaConf.load(CONFIGS / "fault" / f"{name}.yaml")
-    assert node.name == name
-    levels = []
-    for severity in range(1, len(node.levels) + 1):
-        node.severity = severity
-        levels.append(build(node, "fault"))
-    assert all(isinstance(fault, Fault) for level in levels for fault in level)
-    assert len({str(level) for level in levels}) == len(levels)
-
-
-@pytest.mark.parametrize("config", ["data_gen", "train", "eval"])
-def test_every_command_takes_a_fault_and_a_severity(config):
-    check_overrides(config, ["fault=lidar_rotation", "fault.severity=3"])
-    with pytest.raises(UserError, match="there is no fault=lidar_rotaton; did you mean lidar_rotation"):
-        check_overrides(config, ["fault=lidar_rotaton"])
-    with pytest.raises(UserError, match=r"fault\.severity=high is not a whole number"):
-        check_overrides(config, ["fault.severity=high"])
-
-
-def test_a_fault_of_the_command_line_reaches_the_training_samples_and_not_the_validation(tmp_path):
-    root = write_tree(tmp_path, scenes=2, keyframes=1)
-    with initialize_config_dir(str(CONFIGS), version_base="1.3"):
-        cfg = compose("train", overrides=[f"data.root={root}", "fault=dead_camera", "fault.severity=3"])
-    train, val = (build(cfg.dataset[split], "dataset") for split in ("train", "val"))
-    assert train[0].present.tolist() == [False, True, True]
-    assert val[0].present.all()
-
-
-def test_a_severity_that_is_none_names_those_there_are():
-    two = [[Fault(sensors=["lidar"], effect=FewerBeams(keep=k))] for k in (16, 8)]
-    assert at_severity(name="lidar_beams", levels=two, severity=2) == two[1]
-    for severity in (0, 3):
-        with pytest.raises(ValueError, match=rf"fault.severity={severity}: 'lidar_beams' has severities 1 to 2"):
-            at_severity(name="lidar_beams", levels=two, severity=severity)
-
-
-def fault(sensor, effect, **more):
-    return Fault(sensors=[sensor], effect=effect, **more)
-
-
-PRESETS = {
-    "blocked_lens": [fault("camera", BlockedLens(fraction=f)) for f in (0.1, 0.3, 0.5)],
-    "camera_clock": [fault("camera", Clock(offset=t)) for t in (0.01, 0.03, 0.1)],
-    "camera_drift": [fault("camera", Clock(drift_ppm=50.0, unsynchronised=t)) for t in (600.0, 1800.0, 3600.0)],
-    "camera_shake": [
-        fault("camera", Mismount(rotation_deg=[a] * 3, random=True), per="sample") for a in (0.3, 1.0, 2.0)
-    ],
-    "dead_camera": [fault("camera", Dead(), count=n) for n in (1, 3, None)],
-    "dead_lidar": [fault("lidar", Dead())],
-    "dead_radar": [fault("radar", Dead(), count=n) for n in (1, 3, None)],
-    "dropped_camera": [fault("camera", Dead(), per="sample", probability=p) for p in (0.2, 0.4, 0.6)],
-    "lidar_beams": [fault("lidar", FewerBeams(keep=n)) for n in (16, 8, 4)],
-    "lidar_clock": [fault("lidar", Clock(offset=t)) for t in (0.01, 0.03, 0.1)],
-    "lidar_points": [fault("lidar", LostPoints(fraction=f)) for f in (0.7, 0.8, 0.9)],
-    "lidar_sector": [fault("lidar", LostSector(width_deg=w, spread_deg=40.0)) for w in (30.0, 60.0, 120.0)],
-    "lidar_shake": [fault("lidar", Mismount(rotation_deg=[a] * 3, random=True), per="sample") for a in (0.3, 1.0, 2.0)],
-    "none": [None],
-    "radar_clock": [fault("radar", Clock(offset=t)) for t in (0.02, 0.06, 0.2)],
-    **{
-        f"stale_{sensor}": [fault(sensor, Stale(firings=1), per="sample", probability=p) for p in (0.2, 0.4, 0.6)]
-        for sensor in ("camera", "lidar")
-    },
-    **{
-        f"{sensor}_rotation": [fault(sensor, Mismount(rotation_deg=[0.0, 0.0, a])) for a in (0.5, 1.0, 2.0, 3.0)]
-        for sensor in ("camera", "lidar", "radar")
-    },
-    **{
-        f"{sensor}_shift": [fault(sensor, Mismount(translation=[0.0, y, 0.0])) for y in (0.05, 0.1, 0.2)]
-        for sensor in ("camera", "lidar", "radar")
-    },
-}
-
-
-def test_every_preset_is_the_fault_that_the_documentation_says_at_every_severity():
-    assert {path.stem for path in (CONFIGS / "fault").glob("*.yaml")} == set(PRESETS)
-    for name, faults in PRESETS.items():
-        preset = OmegaConf.load(CONFIGS / "fault" / f"{name}.yaml")
-        for severity, expected in enumerate(faults, start=1):
-            found = build({**preset, "severity": severity}, "fault")
-            assert found == ([] if expected is None else [expected]), (name, severity)
-        with pytest.raises(UserError, match=f"'{name}' has"):
-            build({**preset, "severity": len(faults) + 1}, "fault")
-
-
-@pytest.mark.parametrize(
-    ("settings", "answer"),
-    [
-        ({"effect": "LostPoint"}, "unknown effect 'LostPoint'; did you mean 'LostPoints'"),
-        ({"levels": [{"fracton": 0.1}]}, "unknown setting of LostPoints 'fracton'; did you mean 'fraction'"),
-        ({"levels": [{"fraction": 7}]}, "fraction=7 is not within"),
-        ({"sensors": ["camera"]}, "LostPoints cannot act on 'camera'; use lidar or radar"),
-    ],
-)
-def test_a_preset_that_cannot_be_says_what_can(settings, answer):
-    right = {"name": "mine", "sensors": ["lidar"], "effect": "LostPoints", "levels": [{"fraction": 0.5}], "severity": 1}
-    with pytest.raises(ValueError, match=answer):
-        fault_at_severity(**{**right, **settings})
-
-
-@pytest.mark.parametrize(
-    ("wrong", "answer"),
-    [
-        (lambda: FewerBeams(keep=0), "keep=0 is below 1"),
-        (lambda: LostPoints(fraction=70), r"fraction=70 is not within \[0, 1\]"),
-        (lambda: BlockedLens(fraction=-0.1), r"fraction=-0.1 is not within \[0, 1\]"),
-        (lambda: LostSector(width_deg=-5), "width_deg=-5 is below 0"),
-        (lambda: Stale(firings=-1), "firings=-1 is below 0"),
-        (lambda: Mismount(rotation_deg=[1.0]), r"rotation_deg=\[1.0\] is not three numbers"),
-        (lambda: Fault(sensors=["camera"], effect=FewerBeams(keep=8)), "FewerBeams cannot act on 'camera'; use lidar"),
-        (
-            lambda: Fault(sensors=["CAM_FRONT"], effect=LostPoints(fraction=0.1)),
-            "cannot act on 'CAM_FRONT'; use lidar or radar",
-        ),
-        (lambda: Fault(sensors=["lidra"], effect=Dead()), "Dead cannot act on 'lidra'; use camera or lidar or radar"),
-        (lambda: Fault(sensors=["lidar"], effect=Dead(), count=0), "count=0 hits nothing; use 1 or more"),
-        (lambda: Fault(sensors=["lidar"], effect=Dead(), probability=2), r"probability=2 is not within \[0, 1\]"),
-    ],
-)
-def test_a_fault_that_cannot_be_says_what_can(wrong, answer):
-    with pytest.raises(ValueError, match=answer):
-        wrong()

@@ -11,7 +11,7 @@ import yaml
 from omegaconf import OmegaConf
 
 from fusion_net.common.cli.composed import composed
-from fusion_net.common.cli.overrides import COMMANDS
+from fusion_net.common.cli.config_files import COMMANDS
 
 ROOT = Path(__file__).resolve().parents[3]
 DOCS = ROOT / "docs"

@@ -1,11 +1,12 @@
+"""Overrides are checked before Hydra reads them, and a mistake is answered with the nearest that is valid."""
+
 import re
-from typing import Literal
 
 import pytest
-from beartype import beartype
 
-from fusion_net.common.cli.command import CONFIGS, UserError, build, check_overrides, one_line
-from fusion_net.common.cli.overrides import COMMANDS, Settings
+from fusion_net.common.cli.command import CONFIGS, UserError, check_overrides
+from fusion_net.common.cli.config_files import COMMANDS
+from fusion_net.common.cli.overrides import Settings
 
 
 @pytest.mark.parametrize(
@@ -150,136 +151,6 @@ def test_a_sweep_over_what_folder_names_leave_out_puts_it_into_them():
 )
 def test_a_correct_override_passes(argument):
     check_overrides("train", [argument])
-
-
-@beartype
-class Thing:
-    def __init__(self, count: int) -> None:
-        if count < 0:
-            raise ValueError(f"count={count} must not be negative")
-
-
-def test_a_wrong_type_names_the_key_and_the_type():
-    with pytest.raises(UserError, match=r"^thing\.count='many' is not of type int"):
-        build({"_target_": f"{__name__}.Thing", "count": "many"}, "thing")
-
-
-def test_a_refused_value_is_one_line():
-    with pytest.raises(UserError, match=r"^thing\.count=-1 must not be negative"):
-        build({"_target_": f"{__name__}.Thing", "count": -1}, "thing")
-
-
-@beartype
-class Proud:
-    def __init__(self) -> None:
-        raise ValueError("thing: out of order")
-
-
-def test_a_key_that_the_message_begins_with_is_not_said_twice():
-    with pytest.raises(UserError, match=r"^thing: out of order$"):
-        build({"_target_": f"{__name__}.Proud"}, "thing")
-
-
-@beartype
-class Choice:
-    def __init__(self, kind: Literal["concat", "average"], share: float = 0.5) -> None:
-        self.kind = kind
-
-
-def test_files_are_named_without_the_key_of_what_reads_them_and_without_a_number_of_the_system():
-    with pytest.raises(UserError, match=r"^count=-1 must"):
-        build({"_target_": f"{__name__}.Thing", "count": -1})
-    assert one_line(PermissionError(13, "Permission denied", "runs/mine")) == "runs/mine: Permission denied"
-
-
-def test_a_value_that_is_no_choice_is_answered_with_the_nearest():
-    with pytest.raises(UserError, match=r"there is no kind=conct; did you mean concat\?"):
-        build({"_target_": f"{__name__}.Choice", "kind": "conct"}, "choice")
-
-
-def test_an_error_of_a_loader_process_is_its_message_alone():
-    caught = "Caught ValueError in DataLoader worker process 0.\nOriginal Traceback (most recent call last):\n  x\n"
-    text = f"{caught}ValueError: a.jpg is cut\n"
-    assert one_line(ValueError(text)) == "a.jpg is cut"
-
-
-def test_line_breaks_are_folded():
-    assert one_line(ValueError("a\n  b")) == "a b"
-
-
-@beartype
-class Measured:
-    def __init__(
-        self, width: float, sizes: list[float], by_name: dict[str, float] | None = None, count: int = 1
-    ) -> None:
-        self.values = [width, *sizes, *(by_name or {}).values(), count]
-
-
-def test_whole_numbers_are_numbers():
-    node = {"_target_": f"{__name__}.Measured", "width": 1, "sizes": [1, 2.5], "by_name": {"a": 3}, "count": 4}
-    built = build(node, "thing").values
-    assert built == [1, 1, 2.5, 3, 4]
-    assert [type(value) for value in built] == [float, float, float, float, int]
-
-
-def test_true_is_no_number():
-    with pytest.raises(UserError, match="width=True is not of type float"):
-        build({"_target_": f"{__name__}.Measured", "width": True, "sizes": []}, "thing")
-
-
-@pytest.fixture
-def own(tmp_path):
-    """A folder of a user's own settings: an experiment, a fault and a sweep."""
-    files = {
-        "experiment/mine.yaml": "# @package _global_\nname: mine\nfuser: average\ntrainer: {max_lr: 1}\n",
-        "fault/tilted.yaml": (CONFIGS / "fault/lidar_rotation.yaml").read_text().replace("lidar_rotation", "tilted"),
-        "sweep/rates.yaml": "# @package _global_\nname: sweeps/rates/${job_folder:}\nskip_finished: true\n"
-        "hydra: {mode: MULTIRUN, sweeper: {params: {trainer.max_lr: '0.001,0.002'}}}\n",
-    }
-    for name, text in files.items():
-        path = tmp_path / "my configs" / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text)
-    return tmp_path / "my configs"
-
-
-@pytest.mark.parametrize(
-    "arguments", [["experiment=mine"], ["fault=tilted", "fault.severity=2"], ["+sweep=rates"], ["experiment=nano"]]
-)
-def test_settings_may_lie_in_a_folder_of_ones_own(own, arguments):
-    given = check_overrides("train", [*arguments, "--config-dir", str(own)])
-    assert given[: 2 + len(arguments)] == ["--config-dir", str(own), *arguments]
-
-
-@pytest.mark.parametrize(
-    ("argument", "answer"),
-    [
-        ("experiment=mien", "did you mean mine"),
-        ("experiment=surond", "did you mean surround"),
-        ("trainer=mine", "has no folder trainer/"),
-    ],
-)
-def test_the_nearest_is_looked_for_in_both_folders(own, argument, answer):
-    with pytest.raises(UserError, match=answer):
-        check_overrides("train", [argument, "--config-dir", str(own)])
-
-
-@pytest.mark.parametrize(
-    ("file", "text", "answer"),
-    [
-        ("experiment/bad.yaml", "trainer: {max_stepz: 3}", "unknown key 'trainer.max_stepz'; did you mean"),
-        ("experiment/bad.yaml", "trainer: {batch_size: many}", "trainer.batch_size=many is not a whole number"),
-        ("experiment/bad.yaml", "grid: {cel: 3}", "unknown key 'grid.cel'; did you mean grid.cell"),
-        ("experiment/bad.yaml", "a: [", "experiment/bad.yaml"),
-        ("experiment/nano.yaml", "name: mine", "has the name of a file of the project"),
-        ("sweep/bad.yaml", "hydra: {mode: MULTIRUN, sweeper: {params: {sede: '1,2'}}}", "did you mean seed"),
-    ],
-)
-def test_a_mistake_in_a_file_of_ones_own_is_named(own, file, text, answer):
-    (own / file).write_text(f"# @package _global_\n{text}\n")
-    chosen = "+sweep=bad" if file.startswith("sweep") else "experiment=bad"
-    with pytest.raises(UserError, match=re.escape(answer)):
-        check_overrides("train", [chosen, "--config-dir", str(own)])
 
 
 def test_every_file_of_settings_has_its_command():

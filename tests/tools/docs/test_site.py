@@ -58,7 +58,7 @@ def test_the_reference_has_every_command_and_group():
     for path in (ROOT / "configs").rglob("*.yaml"):
         group = path.parent.relative_to(ROOT / "configs").as_posix()
         assert (f"### `{path.stem}`" if group == "." else f"### `{group}={path.stem}`") in page
-    assert "| `trainer.max_lr` | `3.0e-3` |" in page
+    assert "| `trainer.max_lr` | `6.0e-3` |" in page
     assert "| `model.encoders.lidar.pillar` | `0.4` | metres |" in page
 
 

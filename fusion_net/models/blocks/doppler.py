@@ -14,15 +14,18 @@ STEEPEST = 0.5
 """Least cosine between axis and ray. Of a body that crosses the ray a radar measures hardly more than noise."""
 STANDING = 0.3
 """m/s below which the direction of a measured velocity is noise, and the ray is that from the car."""
+BACKWARDS = 0.5
+"""m/s along its axis, tail first, above which a body has been taken for turned round."""
 
 
 def with_doppler_speed(boxes: Boxes, detections: NDArray[np.float32]) -> Boxes:
-    """The boxes with the velocity that radar ``detections`` (R, RADAR_CHANNELS) of the same ego frame say, where there are any.
+    """The boxes with the velocity that radar ``detections`` (R, RADAR_CHANNELS) of the same ego frame say, where there are any,
+    and turned round where they would move backwards: hardly anything on a road does.
 
     A detection with the radial velocity m along the unit ray u sees of a speed s along the axis h the part s (h u), so that
     s = m / (h u) (without side slip; Kellner et al. 2013, "Instantaneous lateral velocity estimation of a vehicle using Doppler
     radar", solve the same for several rays and a turning body). The median over a box's detections is robust against those
-    of the ground below it and of neighbours. Which end of the box is in front does not matter.
+    of the ground below it and of neighbours. For the velocity it does not matter which end of the box is in front.
     """
     if not len(boxes) or not len(detections):
         return boxes
@@ -44,4 +47,6 @@ def with_doppler_speed(boxes: Boxes, detections: NDArray[np.float32]) -> Boxes:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # boxes without detections
         speed = np.nanmedian(speeds, axis=1)
-    return replace(boxes, velocity=np.where(np.isfinite(speed)[:, None], speed[:, None] * axis, boxes.velocity))
+    velocity = np.where(np.isfinite(speed)[:, None], speed[:, None] * axis, boxes.velocity)
+    opposite = np.arctan2(-axis[:, 1], -axis[:, 0])
+    return replace(boxes, velocity=velocity, yaw=np.where(speed < -BACKWARDS, opposite, boxes.yaw))

@@ -44,6 +44,16 @@ def test_the_whole_velocity_follows_from_its_radial_part_and_the_axis(speed, yaw
         assert found.tolist() == [1.0, 1.0]
 
 
+@pytest.mark.parametrize(("speed", "is_turned"), [(-8.0, True), (-0.6, True), (-0.4, False), (0.0, False), (8.0, False)])
+def test_a_box_that_would_drive_backwards_is_turned_round(speed, is_turned):
+    yaw = 0.3
+    velocity = speed * np.array([np.cos(yaw), np.sin(yaw)])
+    found = with_doppler_speed(car(yaw=yaw), measured([[20.0, 5.0]], velocity))
+    assert np.cos(found.yaw[0] - yaw) == pytest.approx(-1.0 if is_turned else 1.0)
+    assert abs(found.yaw[0]) <= np.pi
+    assert found.velocity[0] == pytest.approx(velocity, abs=1e-4)
+
+
 def test_most_detections_decide():
     """A car that passes within the margin of a parked one does not set it in motion, nor does the road below stop it."""
     box = car(yaw=0.0, velocity=(2.0, 0.0))

@@ -44,7 +44,9 @@ def test_the_whole_velocity_follows_from_its_radial_part_and_the_axis(speed, yaw
         assert found.tolist() == [1.0, 1.0]
 
 
-@pytest.mark.parametrize(("speed", "is_turned"), [(-8.0, True), (-0.6, True), (-0.4, False), (0.0, False), (8.0, False)])
+@pytest.mark.parametrize(
+    ("speed", "is_turned"), [(-8.0, True), (-0.6, True), (-0.4, False), (0.0, False), (8.0, False)]
+)
 def test_a_box_that_would_drive_backwards_is_turned_round(speed, is_turned):
     yaw = 0.3
     velocity = speed * np.array([np.cos(yaw), np.sin(yaw)])

@@ -28,9 +28,9 @@ class FusionNet(nn.Module):
 
     All BEV maps between the parts have ``bev_channels`` channels. ``velocity``: what the head regresses, the velocity or
     what is to be added to the radar's radial one, where there is radar. ``doppler_speed``: boxes with radar detections on them
-    move along their axis as fast as those say, whatever the head says. ``mirror_test``, an attribute: in evaluation the scene
-    is also seen mirrored (:mod:`fusion_net.models.blocks.mirror`), in a second pass. Where the losses weigh
-    ``aux_heatmap``, each encoder's own map gets a heat map head for training.
+    move along their axis as fast as those say, whatever the head says, and are turned round where that is backwards.
+    ``mirror_test``, an attribute: in evaluation the scene is also seen mirrored (:mod:`fusion_net.models.blocks.mirror`), in
+    a second pass. Where the losses weigh ``aux_heatmap``, each encoder's own map gets a heat map head for training.
     """
 
     built: Tensor  # (M,) which sensors the model reads

@@ -8,6 +8,7 @@ from fusion_net.nuscenes.table_fields import Record
 
 
 def transform_of(record: Record) -> NDArray[np.float64]:
+    """``a_T_b`` (4, 4) of one record: its rotation (quaternion w, x, y, z) and its translation in metres."""
     return transforms_of({"": record})[""]
 
 

@@ -15,6 +15,7 @@ from fusion_net.evaluation.scoring import ground_truth
 from fusion_net.models.encoders.camera_encoder import lift_by
 from fusion_net.models.fusion_net import FusionNet, look_mirrored
 from fusion_net.models.late.late_fusion import LateFusion
+from fusion_net.models.precision import autocast, device_of
 from fusion_net.nuscenes.tables import manifest
 from fusion_net.reports.audits.run import chosen_audits
 from fusion_net.reports.evaluation.figures import Scored
@@ -28,6 +29,7 @@ from fusion_net.reports.evaluation.files import (
 from fusion_net.reports.evaluation.page import REPORT, write_report
 from fusion_net.runs.checks import check_evaluation
 from fusion_net.runs.late import adapted
+from fusion_net.runs.run_dir import load_config
 from fusion_net.runs.samples import open_samples
 from fusion_net.runs.trained import Trained, ship, trained_of
 
@@ -39,14 +41,16 @@ def evaluate_run(cfg: DictConfig) -> None:
     audits = chosen_audits(cfg.audits)
     trained, changes = adapted(_trained(cfg), cfg.late)
     dataset = open_samples(trained, split=cfg.split, root=cfg.data.root, version=cfg.data.version, fault=cfg.fault)
-    model = _model(cfg, trained)
+    model, device = _model(cfg, trained), device_of(cfg.accelerator, setting="accelerator")
     target = _target(cfg, trained, dataset, changes)
     one = Evaluation(cfg, trained, changes, dataset, model, ground_truth(dataset), target)
     if not len(one.truth.labels):
         write_predictions(one)
         return
-    with one.precision:
-        table = drop_table(model, one.batches, one.truth, seed=trained.cfg.seed, resamples=cfg.bootstrap)
+    with autocast(trained.cfg.trainer.precision, device):
+        seed, resamples = trained.cfg.seed, cfg.bootstrap
+        table = drop_table(model.to(device), one.batches, one.truth, seed=seed, resamples=resamples, device=device)
+    model.cpu()
     doc, result, files = write_tables(one, table)
     if audits:
         write_audits(one, table, audits)
@@ -72,8 +76,9 @@ def evaluate_run(cfg: DictConfig) -> None:
 
 
 def evaluate_finished(folder: Path) -> None:
-    """What ``eval.py run=FOLDER`` does, from within another command."""
-    evaluate_run(composed("eval", f"run={as_override(str(folder))}"))
+    """What ``eval.py run=FOLDER`` does, from within another command, on what the run was trained on."""
+    accelerator = load_config(folder).trainer.accelerator
+    evaluate_run(composed("eval", f"run={as_override(str(folder))}", f"accelerator={accelerator}"))
 
 
 def _trained(cfg: DictConfig) -> Trained:

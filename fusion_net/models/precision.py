@@ -1,6 +1,7 @@
-"""Which number format convolutions run in on this device."""
+"""What a network is computed on, and in which number format."""
 
 from contextlib import AbstractContextManager
+from typing import Literal
 
 import torch
 
@@ -17,6 +18,16 @@ def resolve(wanted: str, device: str = "cpu") -> str:
     return wanted
 
 
-def autocast(wanted: str) -> AbstractContextManager:
+def autocast(wanted: str, device: str = "cpu") -> AbstractContextManager:
     """The context that a model is evaluated in, the same as it was trained in."""
-    return torch.autocast("cpu", dtype=torch.bfloat16, enabled=resolve(wanted) == "bf16")
+    return torch.autocast(device, dtype=torch.bfloat16, enabled=resolve(wanted, device) == "bf16")
+
+
+def device_of(accelerator: str, *, setting: str) -> Literal["cpu", "cuda"]:
+    """The device that an accelerator, "cpu", "gpu" or "auto", is. ValueError, which names the ``setting``, when it is none of
+    these or is not there."""
+    if accelerator not in ("cpu", "gpu", "auto"):
+        raise ValueError(f"{setting}={accelerator}; there are cpu, gpu, auto")
+    if accelerator == "gpu" and not torch.cuda.is_available():
+        raise ValueError(f"{setting}=gpu: there is no GPU here; pass {setting}=cpu")
+    return "cpu" if accelerator == "cpu" or not torch.cuda.is_available() else "cuda"

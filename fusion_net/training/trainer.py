@@ -18,7 +18,7 @@ from fusion_net.common.checks import check_names
 from fusion_net.data.datamodule import NuScenesDataset
 from fusion_net.evaluation.drop_table import SUBSETS
 from fusion_net.evaluation.scoring import ground_truth
-from fusion_net.models.precision import resolve
+from fusion_net.models.precision import device_of, resolve
 from fusion_net.training.callbacks import LOG_EVERY, MetricsCSV, PlanCallback
 from fusion_net.training.interruption import Interruption
 from fusion_net.training.plan import TrainingPlan
@@ -33,14 +33,11 @@ def _devices(settings: DictConfig) -> dict[str, Any]:
     accelerator, devices, strategy = settings.accelerator, settings.devices, settings.strategy
     if devices < -1 or devices == 0:
         raise ValueError(f"trainer.devices={devices} is not a number of devices; -1 takes every one that there is")
-    if accelerator not in ("cpu", "gpu", "auto"):
-        raise ValueError(f"trainer.accelerator={accelerator}; there are cpu, gpu, auto")
+    device = device_of(accelerator, setting="trainer.accelerator")
     if accelerator == "auto":
-        accelerator = "gpu" if torch.cuda.is_available() else "cpu"
-    if accelerator == "gpu" and not torch.cuda.is_available():
-        raise ValueError("trainer.accelerator=gpu: there is no GPU here; pass trainer.accelerator=cpu")
+        accelerator = "gpu" if device == "cuda" else "cpu"
     if devices == -1:
-        devices = torch.cuda.device_count() if accelerator == "gpu" else 1
+        devices = torch.cuda.device_count() if device == "cuda" else 1
     check_names("strategy of trainer.strategy", [strategy], ["auto", *StrategyRegistry.available_strategies()])
     if strategy == "auto" and devices > 1:
         strategy = "ddp"
@@ -50,7 +47,7 @@ def _devices(settings: DictConfig) -> dict[str, Any]:
         )
     if strategy in ("ddp", "ddp_spawn", "ddp_fork", "ddp_notebook"):
         strategy += "_find_unused_parameters_true"  # no stage trains every part of the network
-    number_format = resolve(settings.precision, "cuda" if accelerator == "gpu" else "cpu")
+    number_format = resolve(settings.precision, device)
     return {
         "accelerator": accelerator,
         "devices": devices,

@@ -8,9 +8,9 @@ import torch
 from hydra import compose, initialize_config_dir
 
 from fusion_net.common.cli.command import CONFIGS, build
-from fusion_net.evaluate import evaluate_run
+from fusion_net.evaluate import evaluate_finished, evaluate_run
 from fusion_net.reports.audits.run import AUDITS
-from fusion_net.runs.run_dir import open_run
+from fusion_net.runs.run_dir import load_config, open_run
 from tests.fixtures.training_setup import settings, write_data
 
 SPLITS = {"train": ["scene-0000"], "mini_val": ["scene-0001"], "holdout": ["scene-0002"], "test": ["scene-0003"]}
@@ -133,4 +133,19 @@ def test_depths_that_lift_the_camera_are_named_and_need_a_camera(run):
 def test_a_second_look_in_the_mirror_needs_a_grid_with_equal_sides(run):
     with pytest.raises(ValueError, match="mirror_test=true: the grid is not as wide to the left as to the right"):
         evaluate("mirror_test=true")
+    assert not (run / "eval").exists()
+
+
+def test_a_run_that_scores_itself_takes_the_accelerator_that_it_was_trained_on(run, monkeypatch):
+    asked = []
+    monkeypatch.setattr("fusion_net.evaluate.evaluate_run", asked.append)
+    evaluate_finished(run)
+    (cfg,) = asked
+    assert (cfg.run, cfg.accelerator) == (str(run), load_config(run).trainer.accelerator)
+
+
+@pytest.mark.skipif(torch.cuda.is_available(), reason="there is a GPU")
+def test_a_gpu_that_is_not_there_is_refused_before_anything_is_written(run):
+    with pytest.raises(ValueError, match=r"^accelerator=gpu: there is no GPU here"):
+        evaluate("accelerator=gpu")
     assert not (run / "eval").exists()

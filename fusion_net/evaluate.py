@@ -26,7 +26,7 @@ from fusion_net.reports.evaluation.files import (
     write_predictions,
     write_tables,
 )
-from fusion_net.reports.evaluation.page import REPORT, write_report
+from fusion_net.reports.evaluation.page import FIGURES, REPORT, write_report
 from fusion_net.runs.checks import check_evaluation
 from fusion_net.runs.late import adapted
 from fusion_net.runs.run_dir import load_config
@@ -43,6 +43,7 @@ def evaluate_run(cfg: DictConfig) -> None:
     dataset = open_samples(trained, split=cfg.split, root=cfg.data.root, version=cfg.data.version, fault=cfg.fault)
     model, device = _model(cfg, trained), device_of(cfg.accelerator, setting="accelerator")
     target = _target(cfg, trained, dataset, changes)
+    target.mkdir(parents=True, exist_ok=True)  # now: where that cannot be, nothing is scored for nothing
     one = Evaluation(cfg, trained, changes, dataset, model, ground_truth(dataset), target)
     if not len(one.truth.labels):
         write_predictions(one)
@@ -55,6 +56,8 @@ def evaluate_run(cfg: DictConfig) -> None:
     if audits:
         write_audits(one, table, audits)
         files += ["audits.md", "audits/"]
+    for stale in () if cfg.report else (REPORT, FIGURES):
+        (target / stale).unlink(missing_ok=True)
     if cfg.report:
         write_report(
             target,

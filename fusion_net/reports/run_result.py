@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fusion_net.common.atomic import replacing
+from fusion_net.common.cli.command_line import command_line
 from fusion_net.common.modalities import letters
 
 RESULT = "eval/result.json"
@@ -44,12 +45,14 @@ def write_result(path: Path, result: dict[str, Any]) -> None:
 
 
 def read_result(path: Path) -> dict[str, Any]:
-    """ValueError when the file is damaged."""
+    """ValueError when the file is damaged, which says how to have it again."""
     try:
         result = json.loads(path.read_bytes())
         result["rows"], result["mAP_resampled"], result["scored"]
     except (ValueError, KeyError, TypeError) as error:
-        raise ValueError(f"{path} is no result of a run ({type(error).__name__}: {error}); delete it") from error
+        is_a_runs = path.parts[-2:] == Path(RESULT).parts
+        again = command_line("eval.py", run=path.parents[1]) if is_a_runs else f"git checkout -- {path.as_posix()}"
+        raise ValueError(f"{path} is no result of a run ({type(error).__name__}); have it again: {again}") from error
     return dict(result)
 
 

@@ -30,8 +30,15 @@ def read_checkpoint(checkpoint: Path) -> dict[str, Any]:
         return state
     except Exception as error:  # torch raises many kinds for a truncated or foreign file
         raise ValueError(
-            f"{checkpoint} is not a readable checkpoint ({type(error).__name__}); train the run again"
+            f"{checkpoint} is not a readable checkpoint ({type(error).__name__}); {_instead_of(checkpoint)}"
         ) from error
+
+
+def _instead_of(checkpoint: Path) -> str:
+    """What to do without a checkpoint that is damaged."""
+    others = [path.stem for path in sorted(checkpoint.parent.glob("*.ckpt")) if path != checkpoint]
+    beside = f"checkpoint={others[0]} lies beside it, or " if others and checkpoint.suffix == ".ckpt" else ""
+    return f"{beside}train the run again (overwrite=true)"
 
 
 def model_weights(checkpoint_state: dict[str, Any]) -> dict[str, torch.Tensor]:

@@ -17,6 +17,7 @@ LEAST = {
     "batch_size": 1, "validate_every": 1, "save_every": 1, "camera_steps": 0, "camera_only_steps": 0, "fusion_steps": 1
 }  # fmt: skip
 """Of settings of the trainer that count something."""
+ACCELERATORS = ("cpu", "gpu", "auto")
 
 
 def check_training(cfg: DictConfig) -> None:
@@ -26,6 +27,7 @@ def check_training(cfg: DictConfig) -> None:
     for name, least in LEAST.items():
         if cfg.trainer[name] < least:
             raise ValueError(f"trainer.{name}={cfg.trainer[name]} must be at least {least}")
+    check_names("trainer.accelerator", [str(cfg.trainer.accelerator)], ACCELERATORS)
     minutes = cfg.trainer.max_minutes
     if minutes is not None and not (isinstance(minutes, int | float) and minutes > 0):
         raise ValueError(f"trainer.max_minutes={minutes} is no number of minutes above 0; null sets no limit")
@@ -67,6 +69,7 @@ def check_init(name: str) -> Path:
 def check_evaluation(cfg: DictConfig) -> None:
     """ValueError for settings of ``eval.py`` that no evaluation can have; FileNotFoundError where there is nothing to score."""
     check_counts(cfg)
+    check_names("accelerator", [str(cfg.accelerator)], ACCELERATORS)
     if cfg.audit_gate is not None and not 0 < cfg.audit_gate < math.inf:
         raise ValueError(f"audit_gate={cfg.audit_gate} must be a finite number of metres above 0; try audit_gate=2")
     if cfg.ship and not cfg.ship.endswith(".pt"):

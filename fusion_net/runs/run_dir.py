@@ -87,7 +87,8 @@ def refuse_folder(folder: Path, *, resume: bool, overwrite: bool) -> None:
         raise ValueError(f"nothing to resume: there is no run {folder}; drop resume=true to start it")
     if is_there and not resume and not overwrite:
         raise ValueError(
-            f"{folder} exists; pass name=ANOTHER, resume=true to go on, or overwrite=true to start it again"
+            f"{folder} exists; pass name=ANOTHER, resume=true to go on, or overwrite=true to start it again; its scores:"
+            f" {command_line('eval.py', run=folder)}"
         )
 
 

@@ -54,6 +54,10 @@ def trained_run(folder: Path, checkpoint: str) -> Trained:
     """The detector in ``RUN/checkpoints/CHECKPOINT.ckpt``."""
     path = checkpoint_path(folder, checkpoint)
     cfg = load_config(folder)
+    if missing := [key for key in ("seed", "classes", "encoders", "dataset", "model", "trainer") if key not in cfg]:
+        raise ValueError(
+            f"{folder / 'config.yaml'} is cut off, or of something else: it has no {', '.join(missing)}; train the run again"
+        )
     return Trained(folder, path, cfg, model_weights(read_checkpoint(path)), run_record(folder, cfg))
 
 

@@ -149,3 +149,30 @@ def test_a_gpu_that_is_not_there_is_refused_before_anything_is_written(run):
     with pytest.raises(ValueError, match=r"^accelerator=gpu: there is no GPU here"):
         evaluate("accelerator=gpu")
     assert not (run / "eval").exists()
+
+
+@pytest.mark.parametrize("left", ["hello\n", "name: mini\n"])
+def test_settings_of_a_run_that_are_cut_off_are_named(run, left):
+    (run / "config.yaml").write_text(left)
+    with pytest.raises(ValueError, match=r"^runs/mini/config\.yaml (is cut off|holds no settings)"):
+        evaluate()
+
+
+def test_a_damaged_checkpoint_names_the_other(run):
+    (run / "checkpoints/best.ckpt").write_bytes(b"PK")
+    with pytest.raises(ValueError, match=r"best\.ckpt is not a readable checkpoint .*; checkpoint=last lies beside it"):
+        evaluate()
+
+
+def test_nothing_is_scored_where_nothing_can_be_written(run, monkeypatch):
+    (run / "eval").write_text("x")
+    monkeypatch.setattr("fusion_net.evaluate.drop_table", lambda *_args, **_more: pytest.fail("scored"))
+    with pytest.raises(FileExistsError):
+        evaluate()
+
+
+def test_without_a_report_none_of_an_earlier_evaluation_stays(run):
+    evaluate()
+    assert (run / "eval/report.html").exists()
+    evaluate("report=false")
+    assert not list((run / "eval").glob("report.*"))

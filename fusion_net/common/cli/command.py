@@ -112,11 +112,13 @@ def one_line(error: BaseException) -> str:
     """The message of an exception in one line, without Hydra's and beartype's wrapping."""
     if isinstance(error, InstantiationException) and error.__cause__ is not None:
         return one_line(error.__cause__)
+    if isinstance(error, FileExistsError | NotADirectoryError) and error.filename and error.strerror:
+        return f"{error.filename}: {error.strerror}; a file is where a folder is needed: move it away"
     if isinstance(error, OSError) and error.filename and error.strerror:
         return f"{error.filename}: {error.strerror}"
     if isinstance(error, MissingMandatoryValue):
         key = str(error.full_key or "a value")  # type: ignore[attr-defined]
-        return f"{key} is needed; write {key}=VALUE"
+        return f"{key} is needed; write {key}=VALUE, as --help shows"
     if isinstance(error, MissingConfigException) and "hydra/launcher" in str(error):
         extra = "ray" if "launcher/ray" in str(error) else "launchers"
         return f"{str(error).splitlines()[0]}; launchers are installed with: python -m pip install -e '.[{extra}]'"

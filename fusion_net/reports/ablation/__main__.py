@@ -3,6 +3,7 @@
 Settings are in ``configs/ablation.yaml``; docs/ablations.md says how to read the tables.
 """
 
+import sys
 from pathlib import Path
 
 from omegaconf import DictConfig
@@ -17,6 +18,8 @@ def report(cfg: DictConfig) -> None:
     from fusion_net.reports.ablation.jobs import committed_in, find_jobs
 
     folder, results = Path(cfg.folder), None if cfg.results is None else Path(cfg.results)
+    if results is not None and not results.is_dir() and not cfg.collect:
+        print(f"there is no folder {results} of committed results: runs below {folder} alone count", file=sys.stderr)
     find_jobs(folder, committed_in(results, folder))  # before what draws is imported, which takes longer
     from fusion_net.reports.ablation.write import write_ablation
 

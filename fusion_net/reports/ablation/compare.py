@@ -5,6 +5,7 @@ resamples. A draw of the two-level bootstrap takes one of them, and as many seed
 are paired by both: the same scenes, the same seeds.
 """
 
+import difflib
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -132,9 +133,11 @@ def _reference(variants: Sequence[dict[str, Any]], wanted: str | None) -> dict[s
     exact = [variant for variant in variants if variant["label"] == wanted]
     near = exact or [variant for variant in variants if wanted in variant["label"]]
     if len(near) != 1:
+        labels = [variant["label"] for variant in near or variants]
+        alike = difflib.get_close_matches(wanted, [part for label in labels for part in [label, *label.split(", ")]], 1)
+        meant = f"; did you mean {alike[0]}?" if alike and not near else ";"
         raise ValueError(
-            f"reference={wanted} is in the names of {len(near)} variants; there are"
-            f" {'; '.join(variant['label'] for variant in variants)}"
+            f"reference={wanted} is in the names of {len(near)} variants{meant} write more of one of: {'; '.join(labels)}"
         )
     return near[0]
 

@@ -11,6 +11,7 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from omegaconf import OmegaConf
 
 from fusion_net.common.cli.command_line import command_line, job_folder
+from fusion_net.common.cli.config_files import CONFIGS
 from fusion_net.reports.run_result import RESULT, read_result, write_result
 
 
@@ -63,7 +64,9 @@ def _instead(folder: Path, committed: Path | None) -> str:
     others |= {path.parent.name for path in (committed.parent.glob("*/*.json") if committed else ())}
     alike = difflib.get_close_matches(folder.name, sorted(others), n=1)
     known = f"did you mean {folder.parent / alike[0]}? Or " if alike else ""
-    return f"{known}run one: {command_line(f'train.py -m +sweep={folder.name}')}"
+    sweeps = [path.stem for path in sorted((CONFIGS / "sweep").glob("*.yaml"))]
+    meant = next(iter(difflib.get_close_matches(folder.name, sweeps, n=1)), folder.name)
+    return f"{known}run one: {command_line(f'train.py -m +sweep={meant}')}"
 
 
 def collect(jobs: list[Job], committed: Path) -> list[str]:

@@ -18,7 +18,7 @@ from fusion_net.evaluation.scoring import GroundTruth
 from fusion_net.metrics.results import write_results
 from fusion_net.models.fusion_net import FusionNet
 from fusion_net.models.late.late_fusion import LateFusion
-from fusion_net.models.precision import autocast
+from fusion_net.models.precision import autocast, device_of
 from fusion_net.reports import decoys
 from fusion_net.reports.audits.run import Auditor
 from fusion_net.reports.evaluation import late_calibration as late_report
@@ -141,6 +141,8 @@ def _notes(one: Evaluation) -> list[str]:
     notes = [f"the camera's features were lifted by depth_source={depth_source}"] if depth_source else []
     if one.cfg.mirror_test:
         notes.append("each scene was also seen mirrored, and the mean of both answers taken: mirror_test=true")
+    if device_of(one.cfg.accelerator, setting="accelerator") == "cuda":
+        notes.append("the boxes were found on a GPU, whose milliseconds these are")
     if cut := cut_short(one.trained.record):
         notes.append(cut)
     if changes:

@@ -102,7 +102,7 @@ def test_the_reference_is_named_by_a_part_of_its_label():
     assert compare(jobs, reference="p=0")["reference"] == "p=0"
     assert by_label(compare(jobs, reference="q"))["p=0"]["difference"]["C"]["mean"] == pytest.approx(-0.2)
     with pytest.raises(
-        ValueError, match=r"reference=0\.3 is in the names of 2 variants; there are p=0; p=0\.3; q=0\.3"
+        ValueError, match=r"reference=0\.3 is in the names of 2 variants; write more of one of: p=0\.3; q=0\.3"
     ):
         compare(jobs, reference="0.3")
 

@@ -76,6 +76,7 @@ EVALUATIONS = [
         r"no data in none; make some: python -m data_gen data=nano data\.root=none",
     ),
     (["checkpoint=nano", "data.root=[tree,none]"], "no data in none"),
+    (["checkpoint=nano", "accelerator=cuda"], "unknown accelerator 'cuda'; did you mean 'cpu'"),
     (["checkpoint=nano", "batch_size=0"], "batch_size=0 must be at least 1"),
     (
         ["checkpoint=nano", "late.merge=sum"],

@@ -116,7 +116,7 @@ def test_ranks_share_a_batch_without_overlap(monkeypatch):
     [
         ("trainer.devices=0", "trainer.devices=0 is not a number of devices; -1 takes every one"),
         ("trainer.strategy=dpp", "unknown strategy of trainer.strategy 'dpp'; did you mean 'ddp'"),
-        ("trainer.accelerator=cuda", "trainer.accelerator=cuda; there are cpu, gpu, auto"),
+        ("trainer.accelerator=cuda", "unknown trainer.accelerator 'cuda'; did you mean 'cpu'"),
         ("trainer.devices=6", "9 training samples are fewer than trainer.batch_size=2 on each of 6 devices"),
     ],
 )

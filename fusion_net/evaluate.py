@@ -26,7 +26,7 @@ from fusion_net.reports.evaluation.files import (
     write_predictions,
     write_tables,
 )
-from fusion_net.reports.evaluation.page import FIGURES, REPORT, write_report
+from fusion_net.reports.evaluation.page import REPORT, write_report
 from fusion_net.runs.checks import check_evaluation
 from fusion_net.runs.late import adapted
 from fusion_net.runs.run_dir import load_config
@@ -56,8 +56,6 @@ def evaluate_run(cfg: DictConfig) -> None:
     if audits:
         write_audits(one, table, audits)
         files += ["audits.md", "audits/"]
-    for stale in () if cfg.report else (REPORT, FIGURES):
-        (target / stale).unlink(missing_ok=True)
     if cfg.report:
         write_report(
             target,

@@ -169,10 +169,3 @@ def test_nothing_is_scored_where_nothing_can_be_written(run, monkeypatch):
     monkeypatch.setattr("fusion_net.evaluate.drop_table", lambda *_args, **_more: pytest.fail("scored"))
     with pytest.raises(FileExistsError):
         evaluate()
-
-
-def test_without_a_report_none_of_an_earlier_evaluation_stays(run):
-    evaluate()
-    assert (run / "eval/report.html").exists()
-    evaluate("report=false")
-    assert not list((run / "eval").glob("report.*"))

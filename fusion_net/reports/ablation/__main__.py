@@ -18,9 +18,9 @@ def report(cfg: DictConfig) -> None:
     from fusion_net.reports.ablation.jobs import committed_in, find_jobs
 
     folder, results = Path(cfg.folder), None if cfg.results is None else Path(cfg.results)
+    find_jobs(folder, committed_in(results, folder))  # before what draws is imported, which takes longer
     if results is not None and not results.is_dir() and not cfg.collect:
         print(f"there is no folder {results} of committed results: runs below {folder} alone count", file=sys.stderr)
-    find_jobs(folder, committed_in(results, folder))  # before what draws is imported, which takes longer
     from fusion_net.reports.ablation.write import write_ablation
 
     write_ablation(folder, results=results, pages=Path(cfg.pages), keep=cfg.collect, reference=cfg.reference)

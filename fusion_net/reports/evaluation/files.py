@@ -155,7 +155,6 @@ def write_predictions(one: Evaluation) -> None:
     with one.precision:
         (found,), _ = predict(one.model, one.batches, subsets=SUBSETS[:1])
     table = one.truth.table([found[token] for token in one.truth.tokens])
-    one.target.mkdir(parents=True, exist_ok=True)
     write_results(one.target / RESULTS, table, tokens=one.truth.tokens, classes=one.truth.classes)
     root = one.cfg.data.root or one.trained.cfg.data.root
     why = _no_labels(one.dataset)

@@ -48,6 +48,14 @@ def test_files_are_named_without_the_key_of_what_reads_them_and_without_a_number
     assert one_line(PermissionError(13, "Permission denied", "runs/mine")) == "runs/mine: Permission denied"
 
 
+def test_a_file_where_a_folder_is_needed_is_named_with_what_to_do(tmp_path):
+    (tmp_path / "runs").touch()
+    with pytest.raises(OSError) as caught:
+        (tmp_path / "runs" / "mine").mkdir(parents=True)
+    assert one_line(caught.value).startswith(f"{tmp_path}/runs")
+    assert one_line(caught.value).endswith("a file is where a folder is needed: move it away")
+
+
 def test_a_value_that_is_no_choice_is_answered_with_the_nearest():
     with pytest.raises(UserError, match=r"there is no kind=conct; did you mean concat\?"):
         build({"_target_": f"{__name__}.Choice", "kind": "conct"}, "choice")

@@ -48,6 +48,11 @@ MISTAKES = [
     (DATA_GEN, "data=sequence data.keyframes=300", "keyframes=300 last 151 s; a scene has time for 100 s"),
     (TRACKS, "split=val", "run is needed; write run=runs/NAME, or take shipped weights: checkpoint=nano"),
     (TRACKS, "run=runs/nothing", "no run at runs/nothing"),
+    (
+        TRACKS,
+        "run=runs/a data.root=none",
+        "make scenes of ten seconds: python -m data_gen data=sequence data.root=none",
+    ),
     (DATA_GEN, "seed=abc", "seed=abc is not a whole number"),
     (DATA_GEN, "workers=-1", "workers=-1 is not a number of processes"),
     (DATA_GEN, "rig=nanoo", "did you mean nano?"),
@@ -102,7 +107,7 @@ MISTAKES = [
     (
         TRACKS,
         "checkpoint=nano",
-        "no data in data/sequence; make some: python -m data_gen data=sequence data.root=data/seq",
+        "no data in data/sequence; make scenes of ten seconds: python -m data_gen data=sequence data.root=data/seq",
     ),
     (STATISTICS, "data.root=null", "data.root=null names no folder of data; write data.root=DIR"),
     (TRAIN, "data.root=null", "data.root=null names no folder of data; write data.root=DIR"),

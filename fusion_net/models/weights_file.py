@@ -45,7 +45,10 @@ def read_weights(path: Path) -> dict[str, Any]:
     except OSError:
         raise
     except Exception as error:  # torch raises many kinds for a truncated or foreign file
-        raise ValueError(f"{path} is no readable file of weights ({type(error).__name__})") from error
+        raise ValueError(
+            f"{path} is no readable file of weights ({type(error).__name__}); check it out again, or make it:"
+            f" python eval.py run=runs/NAME ship={path}"
+        ) from error
     if not is_ours or held["format"] != FORMAT:
         raise ValueError(f"{path} is no file of weights that eval.py ship=FILE writes, or of another version of it")
     return {name: held[name] for name in PARTS}

@@ -115,10 +115,15 @@ def _alone(model: Mapping[str, Any], name: str) -> dict[str, Any]:
 
 def _check_same(where: str, theirs: DictConfig, ours: DictConfig, name: str) -> None:
     """ValueError unless a detector speaks of the same classes and grid, and is shown what it has learned to read."""
+    train = command_line("train.py", name=f"{name}_alone", encoders=[name])
     for key in ("classes", "grid"):
-        if theirs[key] != ours[key]:
-            there, here = (OmegaConf.to_container(each[key], resolve=True) for each in (theirs, ours))
-            raise ValueError(f"{where}: its {key} are not those of this model: {there} there, {here} here")
+        there, here = (OmegaConf.to_container(each[key], resolve=True) for each in (theirs, ours))
+        if isinstance(there, dict) and isinstance(here, dict):  # what differs is enough
+            there, here = ({k: v for k, v in a.items() if b.get(k) != v} for a, b in ((there, here), (here, there)))
+        if there != here:
+            raise ValueError(
+                f"{where}: {key} of that detector: {there}, of this model: {here}; train one like it: {train}"
+            )
     for key in READING[name]:
         there, here = (each.dataset.train.get(key) for each in (theirs, ours))
         if there != here and key in theirs.dataset.train:

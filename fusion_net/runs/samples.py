@@ -34,9 +34,21 @@ def open_samples(
     if fault is not None:
         settings.faults = fault
     dataset: NuScenesDataset = build(settings)
+    _check_fault(trained, dataset)
     if is_own_data:
         _check_data(trained, dataset)
     return dataset
+
+
+def _check_fault(trained: Trained, dataset: NuScenesDataset) -> None:
+    """ValueError for faults that hit no sensor which the detector reads: its scores would be those without them."""
+    faults, channels = dataset.reader.faults, dataset.datasets[0].modalities
+    hit = {channels[channel] for fault in faults for channel in fault.matches(channels)}
+    if hit and not hit & {*trained.cfg.encoders}:
+        own = " and ".join(trained.cfg.encoders)
+        raise ValueError(
+            f"fault: it hits {' and '.join(sorted(hit))}, and this detector reads {own} alone; write fault=none"
+        )
 
 
 def _check_data(trained: Trained, dataset: NuScenesDataset) -> None:

@@ -35,6 +35,9 @@ def paint_points(
     ``Batch.ego_T_cam`` does for points that are at the reference time, as ``Batch.lidar_points`` are. What moves at v is
     painted with what the image shows v (t_image - t_point) beside it.
     """
+    if not cam_K.shape[:2] == cam_T_ego.shape[:2] == scores.shape[:2]:
+        samples_and_cameras = ", ".join(str((*each.shape[:2],)) for each in (scores, cam_K, cam_T_ego))
+        raise ValueError(f"scores, cam_K and cam_T_ego are of unequal samples and cameras: {samples_and_cameras}")
     sample = torch.zeros(len(points), dtype=torch.long, device=points.device) if sample is None else sample.long()
     cameras, height, width, channels = scores.shape[1:]
     # Beside the scores a column that counts the cameras, and below them a row of zeros for points that a camera does not see.

@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import linear_sum_assignment
 
 from fusion_net.common.boxes import Boxes
-from fusion_net.models.late.covariance import check_covariance, gate_of, mahalanobis_squared
+from fusion_net.models.late.covariance import check_estimates, gate_of, mahalanobis_squared
 
 Pairs = NDArray[np.int64]
 """(P, 2) rows of the first and of the second list; each row at most once."""
@@ -29,11 +29,12 @@ def associate(
     The distance of two estimates is d^2 = e^T (P_a + P_b)^-1 e, e their difference. Pairs of one class within the gate (of
     probability ``gate`` in the plane, d = 2) are assigned so that the sum of min(d^2, gate) is least (Hungarian algorithm): an
     estimate without a partner costs what a pair at the gate does, and stays single. ValueError for a covariance that is not
-    positive definite.
+    positive definite, or is not there.
     """
     mean_a, mean_b, cov_a, cov_b = (np.asarray(x, float) for x in (mean_a, mean_b, cov_a, cov_b))
-    check_covariance(cov_a, "associate, first list")
-    check_covariance(cov_b, "associate, second list")
+    for mean, cov, which in ((mean_a, cov_a, "first"), (mean_b, cov_b, "second")):
+        if len(mean):
+            check_estimates(mean, cov, f"associate, {which} list")
     limit = gate_of(gate)
     if not len(mean_a) or not len(mean_b):
         return np.zeros((0, 2), np.int64)

@@ -65,6 +65,18 @@ def gate_of(probability: float) -> float:
     return -2.0 * float(np.log1p(-probability))
 
 
+def check_estimates(mean: ArrayLike, cov: ArrayLike, what: str) -> None:
+    """ValueError, naming ``what``, unless the means (..., d) are finite and the covariances (..., d, d), one for each mean or
+    one for all, are as :func:`check_covariance` wants them."""
+    mean, cov = np.asarray(mean, float), np.asarray(cov, float)
+    d = mean.shape[-1]
+    if cov.shape[-2:] != (d, d) or (cov.ndim > 2 and cov.shape[:-2] != mean.shape[:-1]):
+        raise ValueError(f"{what}: means {mean.shape} want covariances {(*mean.shape, d)}, not {cov.shape}")
+    if not np.isfinite(mean).all():
+        raise ValueError(f"{what}: {np.count_nonzero(~np.isfinite(mean))} numbers of the means are not finite")
+    check_covariance(cov, what)
+
+
 def check_covariance(cov: ArrayLike, what: str) -> None:
     """ValueError, naming ``what``, unless all of ``cov`` (..., d, d) are finite, symmetric and positive definite."""
     cov = np.asarray(cov, float)

@@ -9,7 +9,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fusion_net.models.late.covariance import check_covariance
+from fusion_net.models.late.covariance import check_estimates
 
 Array = NDArray[np.float64]
 Merge = Literal["covariance_intersection", "information", "inverse_covariance_intersection", "best"]
@@ -71,10 +71,10 @@ MERGING: dict[str, Callable[[ArrayLike, ArrayLike, ArrayLike, ArrayLike], tuple[
 
 
 def _checked(mean_a: ArrayLike, cov_a: ArrayLike, mean_b: ArrayLike, cov_b: ArrayLike) -> tuple[Array, ...]:
-    check_covariance(cov_a, "merge, first estimates")
-    check_covariance(cov_b, "merge, second estimates")
     a, b = np.broadcast_arrays(np.asarray(mean_a, float), np.asarray(mean_b, float))
     A, B = np.broadcast_arrays(np.asarray(cov_a, float), np.asarray(cov_b, float))
+    check_estimates(a, A, "merge, first estimates")
+    check_estimates(b, B, "merge, second estimates")
     return a, A, b, B
 
 

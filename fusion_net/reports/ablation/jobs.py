@@ -65,8 +65,9 @@ def _instead(folder: Path, committed: Path | None) -> str:
     alike = difflib.get_close_matches(folder.name, sorted(others), n=1)
     known = f"did you mean {folder.parent / alike[0]}? Or " if alike else ""
     sweeps = [path.stem for path in sorted((CONFIGS / "sweep").glob("*.yaml"))]
-    meant = next(iter(difflib.get_close_matches(folder.name, sweeps, n=1)), folder.name)
-    return f"{known}run one: {command_line(f'train.py -m +sweep={meant}')}"
+    meant = next(iter(difflib.get_close_matches(folder.name, sweeps, n=1)), "NAME")
+    of_all = f", NAME one of {', '.join(sweeps)}" if meant == "NAME" else ""
+    return f"{known}run one: {command_line(f'train.py -m +sweep={meant}')}{of_all}"
 
 
 def collect(jobs: list[Job], committed: Path) -> list[str]:

@@ -3,6 +3,8 @@
 Settings are in ``configs/claims.yaml``.
 """
 
+import re
+import sys
 from pathlib import Path
 
 from omegaconf import DictConfig
@@ -27,6 +29,8 @@ def main(cfg: DictConfig) -> None:
     """Writes the page that ``cfg`` names."""
     text = write_claims(Path(cfg.results), Path(cfg.out))
     print(f"{cfg.out}: {next(line for line in text.splitlines() if ' claims: ' in line)}")
+    for missing in sorted({*re.findall(r"`([^`]+)` is not there", text)}):
+        print(f"warning: {missing} is not there, and its claims are not measured", file=sys.stderr)
 
 
 if __name__ == "__main__":

@@ -23,9 +23,12 @@ class Results:
         if not path.is_file():
             return None
         try:
-            return json.loads(path.read_bytes())
+            held = json.loads(path.read_bytes())
         except ValueError as error:
             raise ValueError(f"{path} is damaged ({error}); check it out again") from error
+        if not isinstance(held, dict) or not held:
+            raise ValueError(f"{path} is damaged (it holds no table of results); check it out again")
+        return held
 
     def shown(self, *parts: str) -> str:
         """A file as the page names it."""

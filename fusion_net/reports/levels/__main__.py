@@ -8,17 +8,20 @@ from pathlib import Path
 from omegaconf import DictConfig
 
 from fusion_net.common.cli.command import command
-from fusion_net.common.cli.command_line import name_folder
+from fusion_net.common.cli.command_line import job_overrides, name_folder
 from fusion_net.common.cli.typed import typed_command
 
 
 @command(config_name="levels")
 def report(cfg: DictConfig) -> None:
     """Compares what ``cfg`` names."""
+    from fusion_net.nuscenes.absent import check_data
     from fusion_net.reports.ablation.jobs import committed_in, find_jobs
     from fusion_net.runs.checks import check_counts
 
     check_counts(cfg)  # before torch is imported, which takes longer
+    if any(text.startswith("other_lidar=") for text in job_overrides()) and cfg.other_lidar:
+        check_data(cfg.other_lidar)  # the default may be missing, what is asked for may not
     find_jobs(Path(cfg.folder), committed_in(Path(cfg.results), Path(cfg.folder)))
     from fusion_net.reports.levels.measured import Asked
     from fusion_net.reports.levels.write import write_levels

@@ -38,6 +38,11 @@ def write_levels(
     cells = plan(groups, quick=quick, other_lidar=other_lidar)
     committed = pages / folder.name
     runs = find_levels(folder, results / folder.name)
+    if unknown := sorted({*seeds} - {run.job.seed for run in runs}):
+        known = ",".join(str(seed) for seed in sorted({run.job.seed for run in runs}))
+        raise ValueError(
+            f"seeds={list(seeds)}: no run of {folder} has seed {unknown[0]}; write 'seeds=[{known}]', or less"
+        )
     measured, notes = measured_cells(
         [run for run in runs if run.job.seed in seeds], cells, asked, committed=committed / CELLS, only_read=only_read
     )

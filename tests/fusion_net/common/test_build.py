@@ -50,7 +50,7 @@ def test_files_are_named_without_the_key_of_what_reads_them_and_without_a_number
 
 def test_a_file_where_a_folder_is_needed_is_named_with_what_to_do(tmp_path):
     (tmp_path / "runs").touch()
-    with pytest.raises(OSError) as caught:
+    with pytest.raises(OSError, match="runs") as caught:
         (tmp_path / "runs" / "mine").mkdir(parents=True)
     assert one_line(caught.value).startswith(f"{tmp_path}/runs")
     assert one_line(caught.value).endswith("a file is where a folder is needed: move it away")

@@ -166,9 +166,12 @@ def test_the_calibration_is_fitted_anew_on_demand(here):
     [
         (
             ["classes=[car,bus]"],
-            r"late\.detectors\.camera=runs/camera: its classes are not those of this model: \['car'",
+            r"late\.detectors\.camera=runs/camera: classes of that detector: \['car'",
         ),
-        (["grid.x_max=38.4"], r"late\.detectors\.camera=runs/camera: its grid are not those of this model: \{"),
+        (
+            ["grid.x_max=38.4"],
+            r"camera: grid of that detector: \{'x_max': \S+\}, of this model: \{'x_max': 38\.4\}; train",
+        ),
         (["encoders=[lidar,radar]"], r"this model has no camera; its sensors are lidar, radar"),
         (["dataset.train.image_size=[48,160]"], r"was trained with dataset\.train\.image_size=None, here it is \[48"),
         (["late.detectors.lidar=runs/camera"], r"lidar=runs/camera: it fuses camera in one network; a detector of the"),

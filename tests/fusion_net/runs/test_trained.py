@@ -13,7 +13,8 @@ from fusion_net.evaluate import evaluate_run
 from fusion_net.fit import fit
 from fusion_net.reports.run_result import read_result
 from fusion_net.runs import sources
-from fusion_net.runs.trained import changed_settings, shipped
+from fusion_net.runs.samples import open_samples
+from fusion_net.runs.trained import changed_settings, shipped, trained_run
 from tests.fixtures.training_setup import settings, write_data
 
 FEW = ("trainer.camera_steps=2", "trainer.camera_only_steps=2", "trainer.fusion_steps=4")
@@ -88,6 +89,17 @@ def test_missing_data_is_one_line_with_the_command_that_makes_it(here, tmp_path,
     with pytest.raises(ValueError, match=r"no data in data/nano; make some: python -m data_gen data=nano") as caught:
         evaluate("checkpoint=mini")
     assert "\n" not in str(caught.value)
+
+
+def test_a_fault_of_a_sensor_that_the_detector_does_not_read_is_refused(here):
+    trained = trained_run(Path("runs/base"), "best")
+    trained.cfg.encoders = ["camera"]
+    with initialize_config_dir(str(CONFIGS), version_base="1.3"):
+        fault = compose("eval", overrides=["fault=lidar_rotation"]).fault
+    with pytest.raises(
+        ValueError, match="fault: it hits lidar, and this detector reads camera alone; write fault=none"
+    ):
+        open_samples(trained, fault=fault)
 
 
 def test_other_data_in_the_same_place_is_scored_with_a_warning(here, capsys):

@@ -60,6 +60,13 @@ def test_a_covariance_that_is_none_is_refused():
         associate([[0, 0]], cov_of((1, 1)), [[0, 0]], cov_of((1, -1)))
 
 
+def test_as_many_covariances_as_means_and_numbers_in_them():
+    with pytest.raises(ValueError, match=r"first list: means \(2, 2\) want covariances \(2, 2, 2\), not \(1, 2, 2\)"):
+        associate([[0, 0], [1, 1]], cov_of((1, 1)), [[0, 0]], cov_of((1, 1)))
+    with pytest.raises(ValueError, match="second list: 1 numbers of the means are not finite"):
+        associate([[0, 0]], cov_of((1, 1)), [[np.nan, 0]], cov_of((1, 1)))
+
+
 points = st.lists(st.tuples(st.floats(0, 30), st.floats(-10, 10)), min_size=1, max_size=8)
 
 

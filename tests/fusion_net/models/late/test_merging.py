@@ -157,3 +157,5 @@ def test_nothing_to_merge_and_no_covariance(merge):
     assert cov.shape == (0, 2, 2)
     with pytest.raises(ValueError, match="merge, second estimates: 1 of 1 covariances are not"):
         MERGING[merge]([[0, 0]], [np.eye(2)], [[0, 0]], [np.diag([1.0, 0.0])])
+    with pytest.raises(ValueError, match=r"merge, first estimates: means \(1, 2\) want covariances \(1, 2, 2\), not"):
+        MERGING[merge]([[0, 0]], [np.eye(3)], [[0, 0]], [np.eye(3)])

@@ -71,8 +71,14 @@ def test_committed_results_count_as_much_and_later_jobs_add_to_them(sweep, tmp_p
 
 
 def test_a_folder_without_jobs_is_told_how_to_get_some(tmp_path):
-    with pytest.raises(FileNotFoundError, match=r"no job of a sweep in .*; run one: python train\.py -m \+sweep=x"):
+    with pytest.raises(
+        FileNotFoundError, match=r"no job of a sweep in .*; run one: .* \+sweep=NAME, NAME one of .*levels"
+    ):
         find_jobs(tmp_path / "x", tmp_path / "y")
+    with pytest.raises(
+        FileNotFoundError, match=r"no job of a sweep in .*; run one: python train\.py -m \+sweep=levels$"
+    ):
+        find_jobs(tmp_path / "levles", tmp_path / "y")
 
 
 def test_pages_name_the_missing_and_the_chart_can_be_opened(sweep, tmp_path, capsys):

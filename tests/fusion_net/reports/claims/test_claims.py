@@ -49,9 +49,10 @@ def test_a_damaged_file_and_a_missing_folder_are_named(tmp_path):
     with pytest.raises(ValueError, match="is no folder; results are committed in docs/results"):
         write_claims(tmp_path / "nowhere", tmp_path / "claims.md")
     (tmp_path / "demo").mkdir()
-    (tmp_path / "demo/result.json").write_text("{")
-    with pytest.raises(ValueError, match=r"result.json is damaged"):
-        sensors.claims(Results(tmp_path))
+    for damaged in ("{", "[]", "{}"):
+        (tmp_path / "demo/result.json").write_text(damaged)
+        with pytest.raises(ValueError, match=r"result.json is damaged"):
+            sensors.claims(Results(tmp_path))
 
 
 def level_results(tmp_path, doc):
@@ -88,7 +89,7 @@ def test_the_orders_of_the_levels_are_taken_as_they_were_judged(tmp_path):
 
 
 def test_a_file_of_levels_with_nothing_in_it_is_not_measured(tmp_path):
-    assert {claim.verdict for claim in level_results(tmp_path, "{}").values()} == {OPEN}
+    assert {claim.verdict for claim in level_results(tmp_path, '{"orders": []}').values()} == {OPEN}
 
 
 def test_the_committed_ablation_is_read():

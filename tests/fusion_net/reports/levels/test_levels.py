@@ -95,6 +95,12 @@ def test_the_page_has_the_lessons_six_rows_and_its_verdicts(sweep, capsys):
     assert "Information retained" in capsys.readouterr().out
 
 
+def test_seeds_that_no_run_has_are_refused_before_anything_is_measured_or_written(sweep):
+    with pytest.raises(ValueError, match=r"seeds=\[1, 9\]: no run of .* has seed 9; write 'seeds=\[1\]', or less"):
+        report(["swap"], seeds=[1, 9])
+    assert not (sweep / "levels.md").exists()
+
+
 @pytest.mark.slow
 def test_what_is_measured_is_kept_and_only_the_rest_is_measured_again(sweep, monkeypatch):
     asked = []

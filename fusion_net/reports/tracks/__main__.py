@@ -15,7 +15,9 @@ def main(cfg: DictConfig) -> None:
     """Tracks what ``cfg`` names."""
     from fusion_net.common.cli.command_line import command_line
     from fusion_net.runs.checks import check_detector
+    from fusion_net.runs.sources import source_of
 
+    source_of(cfg)  # a run that is not there is said first
     root = cfg.data.root
     if root is not None and not Path(root).exists():  # other data sets have scenes too short to track
         make = command_line("-m data_gen", data="sequence", data__root=root)

@@ -50,7 +50,7 @@ MISTAKES = [
     (TRACKS, "run=runs/nothing", "no run at runs/nothing"),
     (
         TRACKS,
-        "run=runs/a data.root=none",
+        "checkpoint=nano data.root=none",
         "make scenes of ten seconds: python -m data_gen data=sequence data.root=none",
     ),
     (DATA_GEN, "seed=abc", "seed=abc is not a whole number"),

@@ -13,6 +13,7 @@ from tests.fixtures.typed_commands import (
     COMPARE,
     DATA_GEN,
     EVAL,
+    LEVELS,
     LIDAR_CHECK,
     PAINTING,
     PREVIEW,
@@ -53,6 +54,7 @@ MISTAKES = [
         "checkpoint=nano data.root=none",
         "make scenes of ten seconds: python -m data_gen data=sequence data.root=none",
     ),
+    (LEVELS, "other_lidar=nowhere", "no data in nowhere; make some: python -m data_gen data=nano data.root=nowhere"),
     (DATA_GEN, "seed=abc", "seed=abc is not a whole number"),
     (DATA_GEN, "workers=-1", "workers=-1 is not a number of processes"),
     (DATA_GEN, "rig=nanoo", "did you mean nano?"),
@@ -177,6 +179,12 @@ def test_flags_that_only_tell_end_well(command, flags, tmp_path, warm):
     code, out, error = warm.run([*command, *flags], tmp_path)
     assert (code, error) == (0, "")
     assert out
+
+
+@pytest.mark.slow
+def test_help_shows_the_name_of_a_sweep_as_it_is_typed(tmp_path, warm):
+    _, out, _ = warm.run([*TRAIN, "--help"], tmp_path)
+    assert "python train.py -m seed=1,2 'name=mine_${seed}' " in out
 
 
 @pytest.mark.slow

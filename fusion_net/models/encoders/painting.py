@@ -33,7 +33,8 @@ def paint_points(
     Time: a point belongs into an image at the time at which *the image* was taken. What stands still comes out right if
     ``cam_T_ego`` holds the car's motion from the points' reference time to that of the image, as the inverse of
     ``Batch.ego_T_cam`` does for points that are at the reference time, as ``Batch.lidar_points`` are. What moves at v is
-    painted with what the image shows v (t_image - t_point) beside it.
+    painted with what the image shows v (t_image - t_point) beside it. ValueError where scores and matrices are of unequal
+    numbers of samples or cameras.
     """
     if not cam_K.shape[:2] == cam_T_ego.shape[:2] == scores.shape[:2]:
         samples_and_cameras = ", ".join(str((*each.shape[:2],)) for each in (scores, cam_K, cam_T_ego))

@@ -24,7 +24,7 @@ def associate(
     label_b: ArrayLike | None = None,
     gate: float = GATE,
 ) -> Pairs:
-    """Partners among means (A, d) and (B, d) with covariances (A, d, d) and (B, d, d).
+    """Partners among means (A, d) and (B, d) with covariances (A, d, d) and (B, d, d), or one (d, d) for all of a list.
 
     The distance of two estimates is d^2 = e^T (P_a + P_b)^-1 e, e their difference. Pairs of one class within the gate (of
     probability ``gate`` in the plane, d = 2) are assigned so that the sum of min(d^2, gate) is least (Hungarian algorithm): an
@@ -38,6 +38,8 @@ def associate(
     limit = gate_of(gate)
     if not len(mean_a) or not len(mean_b):
         return np.zeros((0, 2), np.int64)
+    d = mean_a.shape[-1]
+    cov_a, cov_b = (np.broadcast_to(cov, (len(mean), d, d)) for mean, cov in ((mean_a, cov_a), (mean_b, cov_b)))
     distance = mahalanobis_squared(mean_a[:, None] - mean_b[None], cov_a[:, None] + cov_b[None])
     if label_a is not None and label_b is not None:
         distance = np.where(np.asarray(label_a)[:, None] == np.asarray(label_b)[None], distance, np.inf)

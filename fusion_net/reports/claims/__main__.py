@@ -24,12 +24,17 @@ def write_claims(results: Path, out: Path) -> str:
     return text
 
 
+def missing_files(text: str) -> list[str]:
+    """The result files that a page says are not there."""
+    return sorted({*re.findall(r"`([^`]+)` is not there", text)})
+
+
 @command(config_name="claims")
 def main(cfg: DictConfig) -> None:
     """Writes the page that ``cfg`` names."""
     text = write_claims(Path(cfg.results), Path(cfg.out))
     print(f"{cfg.out}: {next(line for line in text.splitlines() if ' claims: ' in line)}")
-    for missing in sorted({*re.findall(r"`([^`]+)` is not there", text)}):
+    for missing in missing_files(text):
         print(f"warning: {missing} is not there, and its claims are not measured", file=sys.stderr)
 
 

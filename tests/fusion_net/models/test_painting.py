@@ -86,6 +86,11 @@ def at_origin(points, scores, cam_T_ego=AHEAD, **options):
     return paint_points(*arrays, stride=STRIDE, **options)
 
 
+def test_scores_without_a_matrix_for_each_camera_are_refused():
+    with pytest.raises(ValueError, match=r"unequal samples and cameras: \(1, 2\), \(1, 1\), \(1, 1\)$"):
+        at_origin([[6.0, 0.0, 0.0]], np.zeros((1, 2, ROWS, COLUMNS, CLASSES)))
+
+
 def test_a_point_behind_the_camera_is_not_painted_though_its_line_crosses_the_picture():
     scores = np.ones((1, 1, ROWS, COLUMNS, CLASSES))
     found = at_origin([[6.0, 0.4, -0.2], [-6.0, -0.4, 0.2], [0.0, 0.0, 0.0]], scores)  # the second projects to the same

@@ -67,6 +67,13 @@ def test_as_many_covariances_as_means_and_numbers_in_them():
         associate([[0, 0]], cov_of((1, 1)), [[np.nan, 0]], cov_of((1, 1)))
 
 
+def test_one_covariance_may_be_that_of_a_whole_list():
+    first, second = [[0, 0], [9, 0], [30, 0]], [[9.5, 0], [0.5, 0]]
+    own = associate(first, cov_of(*[(1, 4)] * 3), second, cov_of(*[(1, 4)] * 2))
+    assert own.tolist() == [[0, 1], [1, 0]]
+    np.testing.assert_array_equal(associate(first, np.diag([1.0, 4]), second, np.diag([1.0, 4])), own)
+
+
 points = st.lists(st.tuples(st.floats(0, 30), st.floats(-10, 10)), min_size=1, max_size=8)
 
 

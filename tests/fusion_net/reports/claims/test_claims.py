@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from fusion_net.reports.claims import geometry, levels, sensors, training
-from fusion_net.reports.claims.__main__ import write_claims
+from fusion_net.reports.claims.__main__ import missing_files, write_claims
 from fusion_net.reports.claims.claim import FAILS, HOLDS, OPEN, PARTLY, Claim, verdict
 from fusion_net.reports.claims.page import page, sections
 from fusion_net.reports.claims.results import Results
@@ -28,6 +28,11 @@ def test_a_claim_whose_file_is_missing_says_so(tmp_path):
         if heading != "Geometry":
             assert {claim.verdict for claim in claims} == {OPEN}
             assert all("is not there" in claim.measured for claim in claims)
+
+
+def test_the_command_names_the_files_that_are_missing(tmp_path):
+    assert missing_files(page(ROOT / "docs/results")) == []
+    assert {"docs/results/levels/levels.json", "docs/results/demo/result.json"} <= {*missing_files(page(tmp_path))}
 
 
 def test_there_are_as_many_rows_with_files_as_without(tmp_path):

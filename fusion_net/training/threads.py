@@ -1,59 +1,12 @@
-"""How many threads a training step uses: one fewer for each core that other programs take.
+"""How many threads a training step uses: a fixed number, or one fewer for each core that other programs take."""
 
-The threads of a step meet thousands of times in it, and those that are there first wait by spinning. Where another program
-takes one of two cores, two threads are slower than one by half: the one waits for the other, which waits for the core.
-"""
-
-import math
-import os
-import time
 from collections.abc import Callable
-from pathlib import Path
-from typing import NamedTuple
 
 import lightning.pytorch as pl
 import torch
 
+from fusion_net.models.threads import ThreadsBeside, Usage, usage
 from fusion_net.training.callbacks import MetricsCSV
-
-WINDOW = 2.0
-"""Seconds over which the use of the cores is measured."""
-AGREEING = 2
-"""Windows in a row that must ask for fewer threads, or for more, before there are."""
-
-
-class Usage(NamedTuple):
-    """Seconds of processor time so far: of all programs on the cores that this one may use, and of this one."""
-
-    clock: float
-    everyone: float
-    own: float
-
-
-def threads_beside(others: float, *, cores: int, current: int, most: int) -> int:
-    """Threads, of ``most``, that find a core of their own beside programs that take ``others`` cores.
-
-    A program that wants a whole core of two gets two thirds while two threads hold on to them, and one that wants less than
-    half costs less than a thread is worth: hence the fractions. Between them everything stays ``current``.
-    """
-    free = cores - others
-    if (fewer := math.floor(free + 0.6)) < current:
-        return max(fewer, 1)
-    return min(max(math.floor(free + 0.3), current), most)
-
-
-def usage() -> Usage | None:
-    """As the kernel counts it; None where it does not say (/proc/stat of Linux). Niced programs do not count beside one that
-    is not: they give way."""
-    try:
-        lines = Path("/proc/stat").read_text(encoding="ascii").splitlines()
-        mine = {f"cpu{core}" for core in os.sched_getaffinity(0)}
-        columns = (0, 1, 2, 5, 6) if os.nice(0) > 0 else (0, 2, 5, 6)  # user, nice, system, irq, softirq
-        counted = [line.split()[1:] for line in lines if line.split(maxsplit=1)[0] in mine]
-        ticks = sum(int(values[column]) for values in counted for column in columns)
-    except (OSError, AttributeError, ValueError, IndexError):
-        return None
-    return Usage(time.perf_counter(), ticks / os.sysconf("SC_CLK_TCK"), time.process_time())
 
 
 def set_threads(threads: int | str) -> None:
@@ -70,56 +23,29 @@ class ThreadWatch(pl.Callback):
 
     Each change is a line on the terminal and a row ``threads`` in metrics.csv: sums are added up in another order by another
     number of threads, so a run in which it changed is repeated to rounding only, not to the bit. Rests where several
-    processes train together and on a GPU. Loader processes count as other programs.
+    processes train together and on a GPU.
     """
 
     def __init__(self, metrics: MetricsCSV, *, measure: Callable[[], Usage | None] = usage) -> None:
         self.metrics, self.measure = metrics, measure
-        self.most = self.threads = torch.get_num_threads()
-        self._before: Usage | None = None
-        self._wishes: list[int] = []
+        self._threads: ThreadsBeside | None = None
 
     def on_train_start(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
         """Begins to measure."""
-        if trainer.world_size == 1 and trainer.strategy.root_device.type == "cpu" and self.most > 1:
-            self._before = self.measure()
+        alone = trainer.world_size == 1 and trainer.strategy.root_device.type == "cpu"
+        self._threads = ThreadsBeside(watches=alone, measure=self.measure)
 
     def on_train_batch_end(self, trainer, pl_module, outputs, batch, batch_idx) -> None:
-        """Every ``WINDOW`` seconds looks at the cores, and changes the number of threads when it was asked to repeatedly."""
-        if self._before is None or time.perf_counter() - self._before.clock < WINDOW:
-            return
-        before, self._before = self._before, self.measure()
-        if self._before is None:
-            return
-        others, cores = taken_by_others(before, self._before), len(os.sched_getaffinity(0))
-        wanted = threads_beside(others, cores=cores, current=self.threads, most=self.most)
-        if self._is_settled(wanted):
-            self._set(wanted)
-            self.metrics.write(trainer.global_step, {"threads": wanted})
-            taken, count = f"{others:.1f} of {cores} core{'s' * (cores > 1)}", f"{wanted} thread{'s' * (wanted > 1)}"
-            where = f"step {trainer.global_step}"
-            print(f"{where}: other programs take {taken}; goes on with {count} (trainer.threads=auto)", flush=True)
-
-    def _is_settled(self, wanted: int) -> bool:
-        """Whether the last windows all wished for a change in the direction of ``wanted``."""
-        self._wishes = [*self._wishes, wanted - self.threads][-AGREEING:]
-        return len(self._wishes) == AGREEING and (min(self._wishes) > 0 or max(self._wishes) < 0)
-
-    def _set(self, threads: int) -> None:
-        self.threads = threads
-        self._wishes = []
-        torch.set_num_threads(threads)
+        """Looks at the cores."""
+        if self._threads and (change := self._threads.look()):
+            self.metrics.write(trainer.global_step, {"threads": self._threads.current})
+            print(f"step {trainer.global_step}: {change} (trainer.threads=auto)", flush=True)
 
     def on_train_end(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
         """Leaves the process with the threads that it had."""
-        if self.threads != self.most:
-            self._set(self.most)
+        if self._threads:
+            self._threads.restore()
 
     def on_exception(self, trainer: pl.Trainer, pl_module: pl.LightningModule, exception: BaseException) -> None:
         """The same after an interruption."""
         self.on_train_end(trainer, pl_module)
-
-
-def taken_by_others(before: Usage, now: Usage) -> float:
-    """Cores that other programs used in between, on average."""
-    return max(0.0, (now.everyone - before.everyone) - (now.own - before.own)) / (now.clock - before.clock)

@@ -97,6 +97,13 @@ def test_data_of_the_same_name_elsewhere_has_a_folder_of_its_own(run, tmp_path):
     assert set(tables(run)) == {"eval/mini_val@a-tree", "eval/mini_val@b-tree", "eval/holdout@a-tree"}
 
 
+def test_a_network_of_one_sensor_says_which_rows_are_the_same(run):
+    evaluate()
+    doc = json.loads((run / "eval/drop_table.json").read_text())
+    assert "the network is built without camera and radar: rows with and without them are the same" in doc["notes"]
+    assert [doc["rows"][k]["mAP"] for k in (1, 3)] == [doc["rows"][0]["mAP"]] * 2
+
+
 def test_the_runs_own_data_by_name_is_refused_when_it_was_made_anew(run, data):
     env = run / "env.json"
     env.write_text(json.dumps(json.loads(env.read_text()) | {"data": ["f" * 64]}))

@@ -10,6 +10,7 @@ from typing import Any
 from omegaconf import DictConfig
 from torch.utils.data import DataLoader
 
+from fusion_net.common.nuscenes_format import MODALITIES
 from fusion_net.data.datamodule import NuScenesDataset, make_loader
 from fusion_net.evaluation import late_calibration
 from fusion_net.evaluation.decoys import audit_decoys
@@ -143,6 +144,8 @@ def _notes(one: Evaluation) -> list[str]:
         notes.append("each scene was also seen mirrored, and the mean of both answers taken: mirror_test=true")
     if device_of(one.cfg.accelerator, setting="accelerator") == "cuda":
         notes.append("the boxes were found on a GPU, whose milliseconds these are")
+    if unread := [name for name in MODALITIES if name not in one.trained.cfg.encoders]:
+        notes.append(f"the network is built without {' and '.join(unread)}: rows with and without them are the same")
     if cut := cut_short(one.trained.record):
         notes.append(cut)
     if changes:

@@ -1,6 +1,7 @@
 """The drop table on an oracle whose faults are known: the mask reaches the model, the rows say what it lost."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -10,11 +11,13 @@ from fusion_net.common.bev_grid import BEVGrid
 from fusion_net.common.boxes import Boxes
 from fusion_net.common.geometry import invert, transform, wrap_angle, yaw_of
 from fusion_net.data.batch import Batch
+from fusion_net.evaluation import drop_table as module
 from fusion_net.evaluation.bootstrap import bootstrap_map, interval, resample_scenes
-from fusion_net.evaluation.drop_table import SUBSETS, drop_table
+from fusion_net.evaluation.drop_table import SUBSETS, drop_table, predict
 from fusion_net.evaluation.random_guess import random_guess
 from fusion_net.evaluation.scoring import GroundTruth, score
 from fusion_net.metrics.results import read_results, write_results
+from fusion_net.models.threads import ThreadsBeside
 from fusion_net.nuscenes.nuscenes import NuScenes
 from tests.fixtures.random_tree import SPLIT, make_tables, write_tree
 
@@ -80,6 +83,30 @@ def batches(tokens, size=5):
 def table(tree, truth):
     model = Oracle(tree)
     return drop_table(model, list(batches(truth.tokens[::-1])), truth, seed=1, resamples=50), model
+
+
+class Beside(Oracle):
+    """While it looks for boxes a window passes, in which another program takes a core."""
+
+    def __init__(self, tree, cores):
+        super().__init__(tree)
+        self.cores, self.threads = cores, []
+
+    def __call__(self, batch, present):
+        self.threads.append(torch.get_num_threads())
+        self.cores.others = 1.0
+        self.cores.pass_time()
+        return super().__call__(batch, present)
+
+
+def test_beside_another_program_an_evaluation_takes_one_core(tree, truth, two_cores, monkeypatch, capsys):
+    monkeypatch.setattr(module, "ThreadsBeside", partial(ThreadsBeside, measure=two_cores.measure))
+    model = Beside(tree, two_cores)
+    predict(model, batches(truth.tokens[:5]))
+    assert model.threads[:5] == [2, 2, 2, 2, 1]  # a rehearsal and a measured pass of each subset, two windows
+    assert set(model.threads[5:]) == {1}
+    assert torch.get_num_threads() == 2
+    assert "evaluation: other programs take 1.0 of 2 cores; goes on with 1 thread" in capsys.readouterr().err
 
 
 def test_seven_rows_in_order(table):

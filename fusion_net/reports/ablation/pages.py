@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from fusion_net.common.cli.config_files import CONFIGS
 from fusion_net.reports.tables import NAMES, UNITS, aligned, interval_text, piped
 
 NOTES = (
@@ -84,8 +85,9 @@ def about(doc: dict[str, Any]) -> Sequence[str]:
     """How it was run, and on what it was scored."""
     data, hashes = doc["scored"], ", ".join(each[:12] for each in doc["scored"]["data"])
     settings = ", ".join(f"{key}={value}" for key, value in doc["settings"].items())
+    is_known = (CONFIGS / "sweep" / f"{doc['sweep']}.yaml").exists()  # else it was given on the command line
     return [
-        f"`python train.py -m +sweep={doc['sweep']}`; this page: `{doc['command']}`.",
+        (f"`python train.py -m +sweep={doc['sweep']}`; this" if is_known else "This") + f" page: `{doc['command']}`.",
         "",
         f"Scored on {data['num_samples']} samples ({data['scenes']} scenes) of {data['split']}, data"
         f" {hashes or 'of no manifest'}. Code at {', '.join(doc['git'])}; {', '.join(doc['processor'])}."

@@ -21,7 +21,7 @@ def main(cfg: DictConfig) -> None:
 def _is_done(cfg: DictConfig) -> bool:
     """Whether the run is finished, and scored if it is to be. If not, ``cfg`` goes on with what there is of it."""
     from fusion_net.evaluate import evaluate_finished
-    from fusion_net.reports.run_result import RESULT
+    from fusion_net.reports.run_result import is_scored
     from fusion_net.runs.late import with_detectors
     from fusion_net.runs.run_dir import is_finished, run_folder
 
@@ -31,7 +31,7 @@ def _is_done(cfg: DictConfig) -> bool:
         cfg.overwrite = not cfg.resume
         return False
     print(f"{folder} is finished")
-    if cfg.evaluate and not (folder / RESULT).exists():
+    if cfg.evaluate and not is_scored(folder):
         evaluate_finished(folder)
     return True
 

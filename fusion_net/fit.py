@@ -58,7 +58,7 @@ def fit(cfg: DictConfig) -> Path:
     trainer = lightning_trainer(cfg, plan, folder, val_set, val_batches, first_step)
     sampler = _sampler(cfg, train_set, plan, first_step, ranks=trainer.num_devices * trainer.num_nodes)
     with ExitStack() as until_done:
-        with _advice_to_resume():
+        with _advice_to_resume(skip_finished=cfg.skip_finished):
             if trainer.is_global_zero:  # the other processes of a run find it tried and its folder open
                 with autocast(cfg.trainer.precision):
                     keys = sampler.keys(0)[: cfg.trainer.batch_size]
@@ -129,12 +129,13 @@ def _sampler(
 
 
 @contextmanager
-def _advice_to_resume() -> Iterator[None]:
+def _advice_to_resume(*, skip_finished: bool) -> Iterator[None]:
     """Ctrl-C, from the opening of the folder on, says how to go on."""
     try:
         yield
     except KeyboardInterrupt:
-        raise KeyboardInterrupt("add resume=true to the same command to go on") from None
+        how = "the same command goes on" if skip_finished else "add resume=true to the same command to go on"
+        raise KeyboardInterrupt(how) from None
 
 
 def _train(trainer: pl.Trainer, module: DetectorModule, batches: DataLoader, *, resume_from: Path | None) -> None:

@@ -9,6 +9,7 @@ from beartype import beartype
 from torch import Tensor
 
 from fusion_net.common.bev_grid import BEVGrid
+from fusion_net.common.checks import check_not_negative
 from fusion_net.data.batch import Batch, Targets
 from fusion_net.models.blocks.depth_bins import DepthBins
 from fusion_net.models.blocks.heading import axis_of, is_forwards
@@ -127,6 +128,7 @@ class DetectionLoss:
         pixel_class_weights: dict[str, float | int] | None = None,
     ) -> None:
         check_weights(weights)
+        check_not_negative(object_weight=object_weight, peak_radius=peak_radius, box_radius=box_radius)
         self.bins, self.grid, self.depth_supervision, self.weights = bins, grid, depth_supervision, weights
         self.object_weight, self.peak_radius, self.box_radius = object_weight, peak_radius, box_radius
         self.class_weights = _by_class("class_weights", class_weights, classes)

@@ -53,6 +53,9 @@ def samples_of_split(
         own = kept.setdefault(_whole(nusc), {})
         if len(own) < scenes:
             own[nusc.scene(token)["token"]] = None
+    if max(map(len, kept.values())) < scenes:
+        have = ", ".join(f"{root} has {len(own)}" for root, own in kept.items())
+        raise ValueError(f"scenes={scenes}: of the split {name!r} {have}; give fewer, or null for all")
     return [(nusc, token) for nusc, token in samples if nusc.scene(token)["token"] in kept[_whole(nusc)]]
 
 

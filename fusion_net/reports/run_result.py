@@ -1,6 +1,7 @@
 """``result.json``: the scores of one run in less than 20 kB, with all that a comparison of runs needs."""
 
 import json
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from fusion_net.common.atomic import replacing
 from fusion_net.common.cli.command_line import command_line
 from fusion_net.common.modalities import letters
+from fusion_net.common.nuscenes_format import MODALITIES
 
 RESULT = "eval/result.json"
 """Where a run keeps the one of its own validation."""
@@ -48,12 +50,34 @@ def read_result(path: Path) -> dict[str, Any]:
     """ValueError when the file is damaged, which says how to have it again."""
     try:
         result = json.loads(path.read_bytes())
-        result["rows"], result["mAP_resampled"], result["scored"]
-    except (ValueError, KeyError, TypeError) as error:
+        _refuse_damaged(result)
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
         is_a_runs = path.parts[-2:] == Path(RESULT).parts
         again = command_line("eval.py", run=path.parents[1]) if is_a_runs else f"git checkout -- {path.as_posix()}"
         raise ValueError(f"{path} is no result of a run ({type(error).__name__}); have it again: {again}") from error
     return dict(result)
+
+
+def is_scored(run: Path) -> bool:
+    """Whether a run has a result of its own validation that can be read."""
+    try:
+        read_result(run / RESULT)
+    except (FileNotFoundError, ValueError):
+        return False
+    return True
+
+
+def _refuse_damaged(result: dict[str, Any]) -> None:
+    """KeyError, TypeError or ValueError where a figure that comparisons need is missing or is no number."""
+    result["scored"]["num_samples"], result["encoders"], result["seed"]
+    scores = {letters(row["sensors"]): row["mAP"] for row in result["rows"]}
+    counts = result["mAP_resampled"]
+    subsets = {letters(names) for size in (1, 2, 3) for names in combinations(MODALITIES, size)}
+    if missing := subsets - (scores.keys() & counts.keys()):
+        raise KeyError(f"no row of {', '.join(sorted(missing))}")
+    if not np.isfinite(np.array([*scores.values()], np.float64)).all():
+        raise ValueError("a score is no number")
+    np.array([counts[name] for name in scores], np.int64).reshape(len(scores), -1)
 
 
 def rounded(value: Any) -> Any:

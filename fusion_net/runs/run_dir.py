@@ -19,6 +19,8 @@ from fusion_net.runs.environment import environment
 
 LONGEST_NAME = 200
 """Bytes of a folder's name; file systems take 255."""
+MOST_NAMED = 4
+"""Runs that a message names."""
 ABOUT_THE_FOLDER = ("name", "resume", "overwrite", "skip_finished", "evaluate")
 """Settings that say what to do with a run's folder, and not what the run is."""
 NONFINITE = "nonfinite_batch.pt"
@@ -144,6 +146,8 @@ def load_config(folder: Path) -> DictConfig:
 def _instead(folder: Path) -> str:
     """What may be meant by a folder that is no run's, or how to make it one."""
     runs = Path("runs")
+    if jobs := sorted(path.parent.name for path in folder.glob("*/config.yaml")):
+        return f"it holds {len(jobs)} runs: {', '.join(jobs[:MOST_NAMED])}{', ...' * (len(jobs) > MOST_NAMED)}"
     is_below = folder.parts[:1] == runs.parts
     if not is_below and (runs / folder / "config.yaml").exists():
         return f"it is {runs / folder}"

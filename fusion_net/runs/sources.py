@@ -9,7 +9,7 @@ from fusion_net.common.cli.command_line import as_override, command_line
 from fusion_net.common.cli.config_files import CONFIGS
 from fusion_net.common.cli.override_values import nearest
 from fusion_net.common.cli.typed import retyped
-from fusion_net.runs.run_dir import load_config, surroundings
+from fusion_net.runs.run_dir import MOST_NAMED, load_config, surroundings
 
 SHIPPED = CONFIGS.parent / "checkpoints"
 """Where ``checkpoint=nano`` and ``init=nano`` find ``nano.pt``."""
@@ -17,8 +17,6 @@ EVALUATIONS = Path("runs/checkpoints")
 """Where ``eval.py checkpoint=NAME`` writes: below NAME here."""
 OF_A_RUN = ("best", "last")
 """Checkpoints that every run has; another name without a run is of shipped weights."""
-MOST_NAMED = 4
-"""Runs that a message names."""
 
 
 def source_of(cfg: DictConfig) -> Path:
@@ -95,11 +93,16 @@ def shipped_names() -> list[str]:
 
 def shipped_path(name: str) -> Path:
     """The file of shipped weights that a name or a path means. FileNotFoundError when there is none."""
+    if not name:
+        raise FileNotFoundError(
+            f"give a name of shipped weights ({', '.join(shipped_names())}) or the path of a .pt file"
+        )
     path = Path(name) if "/" in name or name.endswith((".pt", ".ckpt")) else SHIPPED / f"{name}.pt"
     if not path.is_file():
         for run in (Path("runs") / name, Path(name)):
             if (run / "config.yaml").exists():
-                raise FileNotFoundError(f"no shipped weights {name}; there is a run of this name: {run}")
+                of_it = f"its weights are {run}/checkpoints/best.ckpt"
+                raise FileNotFoundError(f"no shipped weights {name}; there is a run of this name: {run}; {of_it}")
         make = command_line("eval.py", run="runs/NAME", ship=f"checkpoints/{Path(name).stem}.pt")
         known = nearest(Path(name).stem, shipped_names()) if shipped_names() else "there are none"
         raise FileNotFoundError(

@@ -18,7 +18,7 @@ from hydra.errors import HydraException, InstantiationException, MissingConfigEx
 from hydra.types import RunMode
 from hydra.utils import instantiate
 from omegaconf import DictConfig, OmegaConf
-from omegaconf.errors import MissingMandatoryValue, OmegaConfBaseException
+from omegaconf.errors import ConfigTypeError, MissingMandatoryValue, OmegaConfBaseException
 
 from fusion_net.common.cli.config_files import CONFIGS
 from fusion_net.common.cli.flags import UserError
@@ -62,7 +62,10 @@ def command(config_name: str) -> Callable[[Callable[[DictConfig], Any]], Callabl
             try:
                 hydra_main(version_base="1.3", config_path=str(CONFIGS), config_name=config_name)(guarded)()
             except JobError:
-                _stop("not every job of the sweep succeeded; the same command does those that are left", code=1)
+                _stop(
+                    "not every job of the sweep succeeded: mend what is named above; the same command does what is left",
+                    code=1,
+                )
             except MISTAKES as error:
                 _stop(one_line(error), code=1)
             except KeyboardInterrupt:
@@ -119,6 +122,11 @@ def one_line(error: BaseException) -> str:
     if isinstance(error, MissingMandatoryValue):
         key = str(error.full_key or "a value")  # type: ignore[attr-defined]
         return f"{key} is needed; write {key}=VALUE, as --help shows"
+    if isinstance(error.__cause__, ConfigTypeError):  # "Cannot merge DictConfig with ListConfig"
+        asked = str(error).removeprefix("Error merging override ")
+        return (
+            f"{asked}: the setting is a mapping, {{name: value, ...}}, or one value, not a list, or the other way round"
+        )
     if isinstance(error, MissingConfigException) and "hydra/launcher" in str(error):
         extra = "ray" if "launcher/ray" in str(error) else "launchers"
         return f"{str(error).splitlines()[0]}; launchers are installed with: python -m pip install -e '.[{extra}]'"

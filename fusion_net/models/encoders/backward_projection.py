@@ -47,6 +47,8 @@ class BackwardProjection(ViewTransform):
         self, *, grid: BEVGrid, bins: DepthBins, stride: int, heights: list[float], depth_weighted: bool = True
     ) -> None:
         super().__init__(grid=grid, bins=bins, stride=stride)
+        if not heights:
+            raise ValueError("heights=[]: a cell is seen at one height at least; write heights=[1.0]")
         self.num_layers, self.depth_weighted = len(heights), depth_weighted
         xy = grid.centers().float()
         points = [torch.cat([xy, torch.full_like(xy[..., :1], height)], dim=-1) for height in heights]

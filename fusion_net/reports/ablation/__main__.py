@@ -23,7 +23,8 @@ def report(cfg: DictConfig) -> None:
         print(f"there is no folder {results} of committed results: runs below {folder} alone count", file=sys.stderr)
     from fusion_net.reports.ablation.write import write_ablation
 
-    write_ablation(folder, results=results, pages=Path(cfg.pages), keep=cfg.collect, reference=cfg.reference)
+    reference = None if cfg.reference is None else str(cfg.reference)  # 0.3 is a part of a name, too
+    write_ablation(folder, results=results, pages=Path(cfg.pages), keep=cfg.collect, reference=reference)
 
 
 def main() -> None:

@@ -4,8 +4,10 @@ from typing import Literal
 
 import pytest
 from beartype import beartype
+from hydra.errors import ConfigCompositionException
 
 from fusion_net.common.cli.command import UserError, build, one_line
+from fusion_net.common.cli.composed import composed
 
 
 @beartype
@@ -89,3 +91,12 @@ def test_whole_numbers_are_numbers():
 def test_true_is_no_number():
     with pytest.raises(UserError, match="width=True is not of type float"):
         build({"_target_": f"{__name__}.Measured", "width": True, "sizes": []}, "thing")
+
+
+def test_a_list_where_a_mapping_stands_says_what_the_setting_is():
+    with pytest.raises(ConfigCompositionException) as raised:
+        composed("train", "model.losses.class_weights=[1,2]")
+    assert one_line(raised.value) == (
+        "model.losses.class_weights=[1,2]: the setting is a mapping, {name: value, ...}, or one value, not a list, or the"
+        " other way round"
+    )

@@ -53,6 +53,12 @@ def test_every_class_needs_a_weight_above_zero(name, weights):
         detection_loss(**{name: weights})
 
 
+@pytest.mark.parametrize(("name", "value"), [("box_radius", -1), ("peak_radius", -1), ("object_weight", -1.0)])
+def test_a_radius_or_weight_below_zero_is_refused(name, value):
+    with pytest.raises(ValueError, match=f"{name}={value} must be a finite number, 0 or more"):
+        detection_loss(**{name: value})
+
+
 def test_an_unknown_velocity_has_no_gradient():
     values = torch.ones(3, 2, requires_grad=True)
     target = torch.tensor([[0.0, 0.0], [torch.nan, torch.nan], [1.0, 1.0]])

@@ -63,7 +63,12 @@ def test_the_first_scenes_of_a_split_are_nested_whether_in_shards_or_whole(whole
     assert one == two[: len(one)] == everything[: len(one)]
     assert 0 < len(one) < len(two) < len(everything)
     assert chosen(shards, 2) == two
-    assert chosen(whole, 100) == everything
+    assert chosen(whole, 4) == everything
+    for root in (whole, shards):
+        with pytest.raises(
+            ValueError, match=f"scenes=100: of the split 'train' {root} has 4; give fewer, or null for all"
+        ):
+            chosen(root, 100)
     with pytest.raises(ValueError, match="scenes=0 leaves nothing of the split 'train'"):
         chosen(whole, 0)
 

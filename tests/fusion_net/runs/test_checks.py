@@ -61,10 +61,18 @@ EVALUATIONS = [
         r"checkpoint=runs/a/checkpoints/last\.ckpt is of a run; write run=runs/a checkpoint=last$",
     ),
     (["run=c"], "no run at c; it is runs/c"),
-    (["checkpoint=c"], "no shipped weights c; there is a run of this name: runs/c"),
+    (
+        ["checkpoint=c"],
+        "there is a run of this name: runs/c; its weights are runs/c/checkpoints/best.ckpt",
+    ),
     (["checkpoint=nanoo"], r"no shipped weights nanoo; did you mean nano\? Files are named by their path"),
-    (["checkpoint=x1"], "no shipped weights x1; there are nano, early, late; files are named by their path"),
+    (["checkpoint=x1"], "no shipped weights x1; there are nano, early, late, surround; files are named by their path"),
     (["checkpoint=README.md"], "no shipped weights README.md; there are nano, early"),
+    (
+        ["checkpoint=''"],
+        r"give a name of shipped weights \(nano, early, late, surround\) or the path of a \.pt file",
+    ),
+    (["run=runs/study"], "no run at runs/study; it holds 1 runs: b"),
     (["run=nope"], r"no run at nope; there are runs/a, runs/c; train it: python train\.py name=nope"),
     (
         ["run=runs/study/bb"],

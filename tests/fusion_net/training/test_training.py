@@ -232,3 +232,19 @@ def test_a_loader_process_that_dies_ends_the_run_in_one_line(data, steps, monkey
     with pytest.raises(ChildProcessError, match=r"loader process died .*; add resume=true.* fewer dataset.workers"):
         fit(settings(data, "dataset.workers=1", "trainer.fusion_steps=20"))
     assert len(steps) < 12
+
+
+@pytest.mark.parametrize(
+    ("override", "advice"),
+    [
+        ("skip_finished=false", "add resume=true to the same command"),
+        ("skip_finished=true", "^the same command goes on$"),
+    ],
+)
+def test_an_interrupted_job_of_a_sweep_needs_no_other_command_to_go_on(data, steps, monkeypatch, override, advice):
+    def interrupt(self, batch, batch_idx):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(DetectorModule, "training_step", interrupt)
+    with pytest.raises(KeyboardInterrupt, match=advice):
+        fit(settings(data, override))

@@ -5,6 +5,7 @@ import shlex
 import pytest
 
 from fusion_net.reports.compare.folders import FILES, find_evaluations
+from fusion_net.reports.compare.write import LONGEST, folder_name
 
 
 def evaluated(folder):
@@ -69,3 +70,11 @@ def test_evaluations_below_a_folder_without_one_of_its_own_are_named(here):
 def test_one_is_no_comparison(here):
     with pytest.raises(ValueError, match="name two runs at least"):
         find_evaluations(["runs/A", "runs/A"])
+
+
+def test_comparisons_of_runs_with_long_names_have_a_folder_each():
+    long = "sweeps/mine/" + "x" * 95
+    assert folder_name(["runs/A", "B"]) == "runs-A_B"
+    names = {folder_name([long, other]) for other in ("A", "B")}
+    assert len(names) == 2
+    assert {len(name) for name in names} == {LONGEST}

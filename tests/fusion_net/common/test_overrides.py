@@ -117,7 +117,8 @@ def test_flags_come_first_wherever_they_stand():
 def test_a_sweep_over_what_folder_names_leave_out_puts_it_into_them():
     given = check_overrides("train", ["-m", "+sweep=seeds", "data.root=a,b"])
     assert (
-        given[-1] == "hydra.job.config.override_dirname.exclude_keys=[sweep,resume,overwrite,evaluate,hydra/launcher]"
+        given[-1]
+        == "hydra.job.config.override_dirname.exclude_keys=[name,sweep,resume,overwrite,skip_finished,evaluate,hydra/launcher]"
     )
 
 

@@ -147,7 +147,8 @@ def _instead(folder: Path) -> str:
     """What may be meant by a folder that is no run's, or how to make it one."""
     runs = Path("runs")
     if jobs := sorted(path.parent.name for path in folder.glob("*/config.yaml")):
-        return f"it holds {len(jobs)} runs: {', '.join(jobs[:MOST_NAMED])}{', ...' * (len(jobs) > MOST_NAMED)}"
+        named = ", ".join(jobs[:MOST_NAMED]) + ", ..." * (len(jobs) > MOST_NAMED)
+        return f"it holds {len(jobs)} run{'s' * (len(jobs) > 1)}: {named}"
     is_below = folder.parts[:1] == runs.parts
     if not is_below and (runs / folder / "config.yaml").exists():
         return f"it is {runs / folder}"

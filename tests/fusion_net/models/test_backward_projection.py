@@ -1,6 +1,7 @@
 """What a cell reads from the pixels that see it: interpolated, weighed by depth, or chosen by attention."""
 
 import numpy as np
+import pytest
 import torch
 
 from fusion_net.common import geometry
@@ -95,3 +96,8 @@ def test_backward_projection_weighs_by_the_interpolated_depth():
     x = GRID.centers()[row, :, 0]
     expected = (1 - (x - 24.5).abs() / 2).clamp(min=0)
     torch.testing.assert_close(bev[0, 0, row], expected, atol=1e-4, rtol=0)
+
+
+def test_a_cell_is_seen_at_one_height_at_least():
+    with pytest.raises(ValueError, match=r"heights=\[\]: a cell is seen at one height at least"):
+        BackwardProjection(grid=GRID, bins=BINS, stride=STRIDE, heights=[])

@@ -72,7 +72,7 @@ EVALUATIONS = [
         ["checkpoint=''"],
         r"give a name of shipped weights \(nano, early, late, surround\) or the path of a \.pt file",
     ),
-    (["run=runs/study"], "no run at runs/study; it holds 1 runs: b"),
+    (["run=runs/study"], "no run at runs/study; it holds 1 run: b"),
     (["run=nope"], r"no run at nope; there are runs/a, runs/c; train it: python train\.py name=nope"),
     (
         ["run=runs/study/bb"],

@@ -31,10 +31,12 @@ def commands() -> list[Command]:
 
 @pytest.fixture(scope="module")
 def reader(tmp_path_factory):
-    """In a folder with the results that are committed."""
+    """In a folder with the results that are committed, but for those of the sweep that is run, small, here: they are of other
+    scenes, which the report refuses to compare."""
     reader = Reader(tmp_path_factory.mktemp("reader") / "work")
     reader.write_settings()
-    shutil.copytree(ROOT / "docs" / "results", reader.folder / "docs" / "results")
+    others = shutil.ignore_patterns("dropout")
+    shutil.copytree(ROOT / "docs" / "results", reader.folder / "docs" / "results", ignore=others)
     return reader
 
 

@@ -44,10 +44,10 @@ def committed_in(results: Path | None, folder: Path) -> Path | None:
 
 def find_jobs(folder: Path, committed: Path | None) -> list[Job]:
     """Every job that either folder knows of, in the order of the sweep: with a result, begun or asked for. A job in both is
-    taken from ``folder``. FileNotFoundError when there is none."""
+    taken from ``folder``; one whose result is damaged has none and says why. FileNotFoundError when there is no job."""
     jobs = {job.name: job for job in _asked_for(folder)}
     for path in sorted(committed.glob("*.json") if committed else ()):
-        jobs[path.stem] = _with_result(path.stem, read_result(path))
+        jobs[path.stem] = _scored(path.stem, path, around={})
     for path in sorted(folder.glob("*/config.yaml")):
         job = _begun(path.parent)
         if job.result is not None or job.name not in jobs or jobs[job.name].result is None:
@@ -75,7 +75,7 @@ def collect(jobs: list[Job], committed: Path) -> list[str]:
     written = []
     for job in jobs:
         path = committed / f"{job.name}.json"
-        if job.result is not None and not (path.exists() and read_result(path) == job.result):
+        if job.result is not None and not (path.exists() and _scored(job.name, path, around={}).result == job.result):
             write_result(path, job.result)
             written.append(job.name)
     return written
@@ -83,10 +83,10 @@ def collect(jobs: list[Job], committed: Path) -> list[str]:
 
 def _begun(folder: Path) -> Job:
     """A job by the folder of its run."""
-    if (folder / RESULT).exists():
-        return _with_result(folder.name, read_result(folder / RESULT))
     path = folder / "env.json"
     around = json.loads(path.read_bytes()) if path.exists() else {}
+    if (folder / RESULT).exists():
+        return _scored(folder.name, folder / RESULT, around=around)
     if around.get("finished"):
         why = f"not scored; {command_line('eval.py', run=folder)}"
     elif (folder / "checkpoints/last.ckpt").exists():
@@ -96,7 +96,12 @@ def _begun(folder: Path) -> Job:
     return Job(folder.name, tuple(around.get("overrides") or [folder.name]), _place(around), why=why)
 
 
-def _with_result(name: str, result: dict[str, Any]) -> Job:
+def _scored(name: str, path: Path, *, around: dict[str, Any]) -> Job:
+    """A job by the file of its result; where that is damaged, by what its run noted down ``around`` it."""
+    try:
+        result = read_result(path)
+    except ValueError as error:
+        return Job(name, tuple(around.get("overrides") or [name]), _place(around), why=str(error))
     return Job(name, tuple(result.get("overrides") or [name]), _place(result), result)
 
 

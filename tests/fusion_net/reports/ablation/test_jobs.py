@@ -70,6 +70,25 @@ def test_committed_results_count_as_much_and_later_jobs_add_to_them(sweep, tmp_p
     assert all(read_result(path) for path in committed.glob("*.json"))
 
 
+def test_a_damaged_result_is_named_and_the_others_make_the_table(sweep, tmp_path):
+    results = tmp_path / "results"
+    write_job(sweep, 2, 2, 0.6, place=3)
+    write_result(results / "x/p-2_seed-2.json", make_result(0.4, seed=2, overrides=("p=2",), job=3))
+    (sweep / "p-2_seed-2/eval/result.json").write_text("{")
+    (results / "x/p-10_seed-1.json").write_text("{}")
+    (results / "x/p-3_seed-1.json").write_text("[]")
+    jobs = {job.name: job for job in find_jobs(sweep, results / "x")}
+    assert jobs["p-10_seed-1"].result["rows"][0]["mAP"] == 0.5
+    assert jobs["p-2_seed-2"].result["rows"][0]["mAP"] == 0.4  # the committed one
+    assert jobs["p-3_seed-1"].result is None
+    assert "git checkout -- " in jobs["p-3_seed-1"].why
+    write_ablation(sweep, results=results, pages=tmp_path / "pages", keep=True)
+    page = (tmp_path / "pages/x/ablation.md").read_text()
+    assert "p-3_seed-1.json is no result of a run (" in page
+    assert "| p=10 | 0.500 |" in page
+    assert read_result(results / "x/p-10_seed-1.json")["rows"][0]["mAP"] == 0.5  # written anew
+
+
 def test_a_folder_without_jobs_is_told_how_to_get_some(tmp_path):
     with pytest.raises(
         FileNotFoundError, match=r"no job of a sweep in .*; run one: .* \+sweep=NAME, NAME one of .*levels"

@@ -19,7 +19,7 @@ COLUMNS = (("drop-table", "budget"), ("worth", "samples"))
 ARRANGE = """columns => {
   const part = id => {
     const nodes = [document.getElementById(id)];
-    for (let next = nodes[0].nextElementSibling; next && next.tagName !== "H2"; next = next.nextElementSibling) nodes.push(next);
+    for (let node; (node = nodes.at(-1).nextElementSibling) && node.tagName !== "H2"; ) nodes.push(node);
     return id === "samples" ? [nodes.find(node => node.matches("figure.shown"))] : nodes;
   };
   const parts = columns.map(ids => ids.flatMap(part));

@@ -44,7 +44,8 @@ def committed_in(results: Path | None, folder: Path) -> Path | None:
 
 def find_jobs(folder: Path, committed: Path | None) -> list[Job]:
     """Every job that either folder knows of, in the order of the sweep: with a result, begun or asked for. A job in both is
-    taken from ``folder``; one whose result is damaged has none and says why. FileNotFoundError when there is no job."""
+    taken from ``folder`` if its result there can be read; one whose result is damaged, and not committed, has none and says
+    why. FileNotFoundError when there is no job."""
     jobs = {job.name: job for job in _asked_for(folder)}
     for path in sorted(committed.glob("*.json") if committed else ()):
         jobs[path.stem] = _scored(path.stem, path, around={})

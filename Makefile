@@ -7,8 +7,9 @@
 PYTHON ?= python3
 VENV   ?= .venv
 RUN     = $(VENV)/bin/python
-# Two test files at a time, one thread each: sooner than one file with two threads.
-PYTEST  = OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(RUN) -m pytest -n 2 --dist loadfile
+# Two test files at a time, one thread each: sooner than one file with two threads. Not those with many tests first, which would
+# leave the long recipes for the end, with nothing beside them.
+PYTEST  = OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(RUN) -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 NAME   ?= demo
 # MINUTES=5 ends the demo's training after so many minutes, annealed all the same: a shorter run than the README's table is of.
 MINUTES ?=

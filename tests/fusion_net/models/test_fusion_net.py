@@ -160,6 +160,7 @@ def test_auxiliary_heads_judge_each_present_sensor_alone_and_only_in_training():
     ("grid", "shape"),
     [
         ("fine", (112, 128)),
+        ("front", (84, 96)),
         ("coarse", (28, 32)),
         ("graded", (56, 64)),
         ("lesson", (200, 200)),

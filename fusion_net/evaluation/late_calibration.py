@@ -25,7 +25,7 @@ from fusion_net.models.late.sensor_calibration import MATCH_DISTANCE, SensorCali
 HIT_DISTANCE = 2.0
 """Metres within which a box counts as right when scores are calibrated: where nuScenes' metric takes its errors."""
 RANGES = ((0.0, 20.0), (20.0, 35.0), (35.0, 75.0))
-"""Metres from the car; the nano grid ends at 51 m ahead and 22 m aside."""
+"""Metres from the car; the default grid ends at 51 m ahead and 22 m aside."""
 
 
 @dataclass(frozen=True)

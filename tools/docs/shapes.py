@@ -86,7 +86,13 @@ def shapes_page() -> str:
         ("", "class logits", "(B, N, K, h, w)", image.class_logits, "what each cell shows"),
         ("lift and splat", "camera layers", "(B, C, Y, X)", seen["view"], "feature times probability, summed per cell"),
         ("encoders", "camera map", "(B, C, Y, X)", seen["camera"], "the first time that the camera has metres"),
-        ("", "LiDAR map", "(B, C, Y, X)", seen["lidar"], "pillars of 0.4 m, halved"),
+        (
+            "",
+            "LiDAR map",
+            "(B, C, Y, X)",
+            seen["lidar"],
+            f"pillars of {model.encoders['lidar'].pillars.cell:.2f} m, halved",
+        ),
         ("", "radar map", "(B, C, Y, X)", seen["radar"], "a raster with Doppler, through convolutions"),
         ("fuser", "fused map", "(B, C, Y, X)", seen["fuser"], "here the sensors meet; an absent one is zero"),
         ("decoder", "decoded map", "(B, C, Y, X)", seen["decoder"], "by way of half and quarter resolution"),
@@ -100,9 +106,9 @@ def shapes_page() -> str:
         shape = " x ".join(map(str, value.shape))
         lines.append(f"| {stage} | {what} | {axes} | {shape} | {value.numel():,} | {note} |")
     cells_y, cells_x = grid.shape
-    ground = f"""The grid has {cells_y} x {cells_x} cells of {grid.cell} m: x from {grid.x_min:g} to {grid.x_max:g} m ahead,
-y from {grid.y_min:g} to {grid.y_max:g} m to the left. A point is in row floor((y + {-grid.y_min:g}) / {grid.cell}) and
-column floor((x - {grid.x_min:g}) / {grid.cell}), whichever sensor it is of. Peaks of the heat map are the boxes: at most
+    ground = f"""The grid has {cells_y} x {cells_x} cells of {grid.cell:.3g} m: x from {grid.x_min:g} to {grid.x_max:g} m ahead,
+y from {grid.y_min:g} to {grid.y_max:g} m to the left. A point is in row floor((y + {-grid.y_min:g}) / {grid.cell:.3g}) and
+column floor((x - {grid.x_min:g}) / {grid.cell:.3g}), whichever sensor it is of. Peaks of the heat map are the boxes: at most
 100, best first.
 """
     return "\n".join([HEAD, *lines, "", ground, *_parameters(model)])

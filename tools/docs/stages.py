@@ -124,7 +124,7 @@ class Stages:
         figure, axes = _figure(1, 3, (9.6, 3.7))
         self.ground(axes[0], weights(rays) ** 0.5, "the two cells: probability along their rays")
         self.ground(axes[1], np.log1p(weights(torch.ones_like(rays))), "all cells: summed probability, log")
-        self.ground(axes[2], self.norm("camera"), "the camera's map: length of its 32 features")
+        self.ground(axes[2], self.norm("camera"), f"the camera's map: length of its {self.model.bev_channels} features")
         for each in axes:
             self.outlines(each, self.sample.boxes, LABEL)
         _write(figure, "lift_splat")
@@ -139,7 +139,7 @@ class Stages:
         self.ground(axes[0], None, f"{len(points):,} points, by height")
         axes[0].scatter(points[:, 1], points[:, 0], s=0.3, c=points[:, 2], cmap="turbo", vmin=-0.5, vmax=3)
         self.ground(
-            axes[1], np.log1p(counts), f"points of {int((counts > 0).sum()):,} pillars of {pillars.cell} m, log"
+            axes[1], np.log1p(counts), f"points of {int((counts > 0).sum()):,} pillars of {pillars.cell:.2f} m, log"
         )
         self.ground(axes[2], self.norm("lidar"), "the LiDAR's map")
         for each in axes:

@@ -36,13 +36,16 @@ class _SegmentMax(torch.autograd.Function):
 class LidarEncoder(nn.Module):
     """LiDAR branch: ``forward(batch)`` gives a map (B, channels, Y, X); an empty point cloud gives a constant map.
 
-    ``pillar`` is the pillar's side in metres: the grid's cell, a half or a quarter (where cells grow with the distance, those
-    at the car, and every cell is divided alike). ``extra_channels`` counts columns that follow LIDAR_CHANNELS (painted
+    ``pillar`` is the pillar's side in metres: the grid's cell, a half (None) or a quarter (where cells grow with the distance,
+    those at the car, and every cell is divided alike). ``extra_channels`` counts columns that follow LIDAR_CHANNELS (painted
     class scores).
     """
 
-    def __init__(self, *, grid: BEVGrid, channels: int, pillar: float, features: int, extra_channels: int = 0) -> None:
+    def __init__(
+        self, *, grid: BEVGrid, channels: int, pillar: float | None, features: int, extra_channels: int = 0
+    ) -> None:
         super().__init__()
+        pillar = grid.cell / 2 if pillar is None else pillar
         ratio = round(grid.cell / pillar)
         if ratio not in (1, 2, 4) or abs(ratio * pillar - grid.cell) > 1e-6:
             nearest = min((grid.cell, grid.cell / 2, grid.cell / 4), key=lambda side: abs(side - pillar))

@@ -40,14 +40,14 @@ FAILURES = (
         "Failure 3, imbalance: the per-modality ablation catches a network that collapses without one sensor",
         "ablation",
         "depth_x_dropout",
-        "python train.py name=no_dropout modality_dropout=0 evaluate=true; python eval.py run=runs/no_dropout audits=ablation",
+        "python train.py experiment=small name=no_dropout modality_dropout=0; python eval.py run=runs/no_dropout audits=ablation",
     ),
     Failure(
         "Failure 4, domain shift: the evaluation per condition catches what the average hides",
         "conditions",
         "clear_only",
-        "python train.py name=clear_only data.root=data/clear; python eval.py run=runs/clear_only data.root=data/nano"
-        " audits=conditions",
+        "python train.py name=clear_only grid=nano model.bev_channels=32 data.root=data/clear;"
+        " python eval.py run=runs/clear_only data.root=data/nano audits=conditions",
     ),
     Failure(
         "Failure 5, mis-association: the association audit catches a gate that merges different objects",

@@ -123,6 +123,11 @@ def test_an_impossible_pillar_names_the_nearest():
         lidar_encoder(pillar=0.45)
 
 
+def test_a_pillar_is_half_a_cell_unless_told_otherwise():
+    encoder = lidar_encoder(pillar=None)
+    assert encoder.pillars.cell == encoder.grid.cell / 2
+
+
 @pytest.mark.parametrize("source", ["learned", "uniform", "lidar", "oracle"])
 def test_depth_sources_run(source):
     outputs = small_model(depth_source=source).eval()(small_batch())

@@ -40,7 +40,8 @@ FAILURES = (
         "Failure 3, imbalance: the per-modality ablation catches a network that collapses without one sensor",
         "ablation",
         "depth_x_dropout",
-        "python train.py experiment=small name=no_dropout modality_dropout=0; python eval.py run=runs/no_dropout audits=ablation",
+        "python train.py experiment=small name=no_dropout modality_dropout=0;"
+        " python eval.py run=runs/no_dropout audits=ablation",
     ),
     Failure(
         "Failure 4, domain shift: the evaluation per condition catches what the average hides",

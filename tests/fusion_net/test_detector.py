@@ -108,7 +108,7 @@ def test_nothing_is_found_without_any_measurement_and_no_sensor_at_all_is_a_mist
             detector(calibration=calibration)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     sensors=st.sets(st.sampled_from(["images", "points", "radar"]), min_size=1),
     cameras=st.integers(1, 3),

@@ -215,7 +215,7 @@ angle = st.floats(-7.0, 7.0)
 side = st.floats(0.3, 12.0)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(angle, angle, side, side, side, side, st.floats(-10, 10), st.floats(-10, 10))
 def test_overlap_is_what_sampled_points_say(yaw_a, yaw_b, la, wa, lb, wb, x, y) -> None:
     grid = np.stack(np.meshgrid(np.linspace(-0.5, 0.5, 41), np.linspace(-0.5, 0.5, 41)), axis=-1).reshape(-1, 2)

@@ -96,7 +96,7 @@ def test_normal_is_global_and_local_is_the_bodys():
     assert hits.distance[0] == pytest.approx(10 - 0.95, abs=1e-4)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(yaw=st.floats(-3.1, 3.1), x=st.floats(6, 60), y=st.floats(-3, 3), t=st.floats(-0.5, 0.5))
 def test_local_point_placed_back_is_the_point_on_the_ray(yaw, x, y, t):
     world = scene(actors=[(car(), path(at(x, y, 0), (3, -1, 0), yaw, 0.2))])

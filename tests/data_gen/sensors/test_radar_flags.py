@@ -88,7 +88,7 @@ def test_what_may_stand_still_is_called_so():
     assert np.abs(faint["vx_comp"]).max() < 1.0  # the least speed that folds into the Doppler is the right one
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(st.floats(0.0, 35.0), st.integers(0, 10_000))
 def test_relative_and_compensated_velocity_differ_by_the_own_motion_along_the_ray_whatever_the_fold(speed, key):
     world = scene(

@@ -34,7 +34,7 @@ def numbers(count):
     return torch.arange(count, dtype=torch.float64)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(grid=grids(), share=st.floats(-0.3, 1.3))
 def test_metres_to_cells_and_back(grid, share):
     for axis, low, high in axes(grid):
@@ -44,7 +44,7 @@ def test_metres_to_cells_and_back(grid, share):
             assert axis.to_cells(x).dtype == dtype
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(grid=grids())
 def test_cells_cover_the_ground_from_bound_to_bound_and_grow_with_the_distance(grid):
     assert grid.shape == (grid.rows, grid.columns)
@@ -60,7 +60,7 @@ def test_cells_cover_the_ground_from_bound_to_bound_and_grow_with_the_distance(g
         assert (sizes[clear][order].diff() > -1e-6).all()
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(grid=grids())
 def test_a_centre_falls_into_its_own_cell(grid):
     row, column, inside = grid.rows_columns(grid.centers())
@@ -70,7 +70,7 @@ def test_a_centre_falls_into_its_own_cell(grid):
     assert torch.equal(column, torch.arange(columns).expand(rows, columns))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(grid=grids(), x=st.floats(-40, 120), y=st.floats(-40, 120))
 def test_a_place_is_between_the_edges_of_its_cell_or_off_the_ground(grid, x, y):
     row, column, inside = grid.rows_columns(torch.tensor([x, y], dtype=torch.float64))

@@ -20,7 +20,7 @@ def sample(tmp_path_factory):
     return SampleReader().read(tree, "scene-0000-1")
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(seed=st.integers(0, 10**6))
 def test_points_keep_their_pixels_in_every_camera(sample, seed):
     changed = EVERYTHING(sample, np.random.default_rng(seed))
@@ -34,7 +34,7 @@ def test_points_keep_their_pixels_in_every_camera(sample, seed):
     np.testing.assert_array_equal(changed.lidar_depth, sample.lidar_depth)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(seed=st.integers(0, 10**6))
 def test_points_keep_their_place_in_the_boxes(sample, seed):
     changed = EVERYTHING(sample, np.random.default_rng(seed))
@@ -47,7 +47,7 @@ def test_points_keep_their_place_in_the_boxes(sample, seed):
     np.testing.assert_allclose(front - rear, moved[:4].mean(axis=0) - moved[4:].mean(axis=0), atol=1e-6)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(seed=st.integers(0, 10**6))
 def test_a_moving_radar_point_still_ends_where_its_velocity_leads(sample, seed):
     changed = EVERYTHING(sample, np.random.default_rng(seed))

@@ -19,7 +19,7 @@ def test_a_point_behind_the_camera_whose_mirror_image_is_in_the_picture_is_no_de
     assert not depth_of([]).any()
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(seed=st.integers(0, 10**6))
 def test_each_point_counts_in_the_cell_of_its_pixel(seed):
     rng = np.random.default_rng(seed)

@@ -44,7 +44,7 @@ def test_everything_of_a_box_is_at_its_cell():
         np.testing.assert_allclose(getattr(made, name)[0, :, row, column], expected, atol=1e-6)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     x=st.floats(-30, 60), y=st.floats(-30, 40), cell=st.sampled_from([0.25, 0.4, 0.5, 1.0, 2.0]),
     x_min=st.sampled_from([-20.0, 0.0, 4.0]), y_min=st.sampled_from([-12.0, 2.0]),
@@ -112,7 +112,7 @@ def test_a_batch_is_its_samples_and_an_empty_one_is_zero():
     assert targets(Boxes.empty()).heatmap.shape == (1, 3, 48, 80)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(length=st.floats(0.3, 40), width=st.floats(0.3, 20), overlap=st.floats(0.05, 0.9))
 def test_corners_moved_by_the_radius_leave_the_overlap(length, width, overlap):
     radius = gaussian_radius(np.array([length]), np.array([width]), overlap)[0]

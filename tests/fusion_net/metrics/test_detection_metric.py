@@ -214,7 +214,7 @@ def test_class_without_range_is_refused():
         DetectionMetric(classes=["cra"])
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.integers(0, 10_000))
 def test_copies_are_the_same_as_repeated_samples(seed):
     """A sample that counts twice is a sample that is there twice."""

@@ -23,7 +23,7 @@ def boxes(n, seed=0, classes=CLASSES):
     )  # fmt: skip
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(st.lists(st.integers(0, 6), min_size=1, max_size=4), st.integers(0, 1000))
 def test_round_trip(tmp_path_factory, sizes, seed):
     path = tmp_path_factory.mktemp("results") / "results_nusc.json"

@@ -145,7 +145,7 @@ def test_a_track_twice_in_a_sample_is_refused():
 
 
 @given(st.randoms(use_true_random=False))
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 def test_the_order_of_boxes_and_the_names_of_tracks_do_not_matter(random):
     rng = np.random.default_rng(random.randrange(2**32))
     truth = tracks(*((f"a{i}", along(TEN, y=4.0 * i)) for i in range(4)))

@@ -55,7 +55,7 @@ def perfect_maps(targets) -> dict[str, torch.Tensor]:
 
 
 @both
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(x=st.floats(0.1, 39.9), y=st.floats(-11.9, 19.9), yaw=st.floats(-3.1, 3.1))
 def test_a_car_anywhere_comes_back_from_its_targets(grid, x, y, yaw):
     car = boxes((x, y, yaw, 0))

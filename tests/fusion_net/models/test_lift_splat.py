@@ -83,7 +83,7 @@ def test_a_normalized_cell_is_a_mean_if_it_is_not_nearly_empty():
     assert (bev[weight == 0] == 0).all()
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.floats(5, 38), st.floats(-0.25, 0.25), st.floats(-30, 30), st.floats(-6, 10), st.floats(-5, 5))
 def test_a_point_of_known_depth_lands_in_its_own_cell(ahead, aside, yaw, pitch, roll):
     """Project a point with the reference pinhole, give its pixel cell the depth, find the feature within half a cell."""

@@ -56,7 +56,7 @@ def painted(xyz, scores, cam_K, cam_T_ego, sample, **options):
     return paint_points(*arrays, sample=torch.tensor(sample), stride=STRIDE, **options)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(seed=st.integers(0, 10_000), samples=st.integers(1, 3), cameras=st.integers(0, 3), points=st.integers(0, 60))
 def test_painting_all_at_once_is_painting_one_by_one(seed, samples, cameras, points):
     arrays = world(seed, samples=max(samples, 1), cameras=max(cameras, 1), points=points)

@@ -14,7 +14,7 @@ def naive(features, weights, pixel, cell, cells):
     return features.new_zeros(cells, features.shape[1]).index_add(0, cell, lifted)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.integers(0, 40), st.integers(1, 9), st.integers(1, 7), st.integers(1, 6), st.integers(0, 1000))
 def test_splat_equals_the_outer_product_in_value_and_gradients(entries, pixels, cells, channels, seed):
     rng = torch.Generator().manual_seed(seed)

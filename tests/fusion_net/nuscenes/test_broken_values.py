@@ -94,7 +94,7 @@ def test_the_tree_is_read_as_it_is(tables, tmp_path):
     read_everything(root)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(where=st.sampled_from(PLACES), place=st.integers(0, 30), junk=st.sampled_from(JUNK))
 def test_junk_in_any_field_is_read_or_named(tables, tmp_path_factory, where, place, junk):
     table, field = where

@@ -200,7 +200,7 @@ def test_the_cases_that_were_wrong(data, whole, tmp_path, monkeypatch, name, num
 
 @pytest.mark.slow
 @pytest.mark.timeout(1200)
-@examples(max_examples=25, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+@examples(max_examples=25, derandomize=True, suppress_health_check=list(HealthCheck))
 @given(draw=st.data())
 def test_interrupted_at_any_moment_and_resumed_equals_unbroken(data, whole, tmp_path, monkeypatch, draw):
     monkeypatch.chdir(tmp_path)

@@ -59,7 +59,9 @@ def test_the_reference_has_every_command_and_group():
         group = path.parent.relative_to(ROOT / "configs").as_posix()
         assert (f"### `{path.stem}`" if group == "." else f"### `{group}={path.stem}`") in page
     assert "| `trainer.max_lr` | `6.0e-3` |" in page
-    assert "| `model.encoders.lidar.pillar` | `0.4` | metres |" in page
+    assert (
+        "| `model.encoders.lidar.pillar` | `null` | metres: the cell, a half or a quarter of it; null: half |" in page
+    )
 
 
 @pytest.mark.parametrize("command", sorted(COMMANDS))

@@ -144,7 +144,7 @@ box = st.tuples(
 )
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.lists(box, max_size=8), st.lists(box, max_size=12))
 def test_no_kind_costs_less_than_nothing_and_mAP_is_the_metrics_own(labels, found):
     labels, found = table(labels), table(found)

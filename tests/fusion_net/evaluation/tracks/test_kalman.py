@@ -35,7 +35,7 @@ def test_velocity_spreads_with_the_root_of_time_and_place_with_its_power_of_thre
 
 
 @given(st.floats(0.01, 3.0), st.floats(0.01, 3.0))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_two_short_steps_are_one_long_one(first, second):
     start, density = motion((1.0, -2.0), (3.0, 4.0)), np.array([2.0])
     once, twice = start.predict(first + second, density), start.predict(first, density).predict(second, density)

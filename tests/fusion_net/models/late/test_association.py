@@ -78,7 +78,7 @@ points = st.lists(st.tuples(st.floats(0, 30), st.floats(-10, 10)), min_size=1, m
 
 
 @given(points, points, st.randoms(use_true_random=False))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_the_order_of_either_list_and_of_the_lists_does_not_matter(first, second, random):
     """Ties aside: coordinates are made distinct."""
     a = np.array(first) + 1e-3 * np.arange(len(first))[:, None]

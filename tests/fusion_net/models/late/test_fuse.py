@@ -70,7 +70,7 @@ places = st.lists(st.tuples(st.floats(5, 25), st.floats(-8, 8)), max_size=6)
 
 
 @given(st.tuples(places, places, places), st.sampled_from(MERGES), st.permutations(MODALITIES))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_the_order_in_which_the_lists_come_does_not_matter_and_none_is_lost(found, merge, order):
     lists = {name: estimates(name, np.reshape(xy, (-1, 2))) for name, xy in zip(MODALITIES, found, strict=True)}
     fused = fuse(lists, merge=merge, score="bayes", prior=0.2)
@@ -95,7 +95,7 @@ def test_headings_that_point_the_other_way_are_flipped_first():
 
 
 @given(st.floats(-3.2, 3.2), st.floats(-3.2, 3.2), st.floats(0, 1))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_a_merged_heading_lies_between_the_axes_and_points_where_the_surer_one_does(a, b, share):
     merged = merged_heading(np.array([a]), np.array([b]), np.array([share]))[0]
     apart = abs((b - a + np.pi / 2) % np.pi - np.pi / 2)

@@ -126,7 +126,7 @@ def test_states_of_four_dimensions_too_as_scipy_finds_them():
 
 @pytest.mark.parametrize("merge", MERGES)
 @given(seed=st.integers(0, 1000))
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 def test_every_rule_is_symmetric_moves_with_its_input_and_gains_nothing_from_one_estimate_alone(merge, seed):
     rule, rng = MERGING[merge], np.random.default_rng(seed)
     A, B = random_cov(rng, 3), random_cov(rng, 3)

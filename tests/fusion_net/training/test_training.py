@@ -164,7 +164,7 @@ def test_of_two_trainings_that_begin_together_one_is_refused(data, tmp_path, mon
 def test_a_grid_without_any_label_is_refused(data, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(ValueError, match=r"no label with a LiDAR or radar point lies on the grid \(x -60.0 to -40.0 m"):
-        fit(settings(data, "grid.x_min=-60.0", "grid.x_max=-40.0"))
+        fit(settings(data, "grid=nano", "grid.x_min=-60.0", "grid.x_max=-40.0"))
     assert not (tmp_path / "runs").exists()
 
 
@@ -214,7 +214,7 @@ def test_both_splits_are_read_from_tables_that_are_opened_once(data, tmp_path, m
     monkeypatch.setattr(NuScenes, "__init__", spy)
     monkeypatch.chdir(tmp_path)
     with pytest.raises(ValueError, match="lies on the grid"):  # what comes after both are there
-        fit(settings(data, "grid.x_min=-60.0", "grid.x_max=-40.0"))
+        fit(settings(data, "grid=nano", "grid.x_min=-60.0", "grid.x_max=-40.0"))
     assert opened == [str(data)]
 
 

@@ -22,7 +22,7 @@ def studio(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def lab(studio):
-    cfg = composed("train", *SMALL, "grid=nano", "model.bev_channels=32")
+    cfg = composed("train", *SMALL)
     torch.manual_seed(0)
     weights = build(cfg.model, "model").state_dict()
     return Lab(studio, {"mid": Trained(Path("run"), Path("run/best.ckpt"), cfg, weights, {})})

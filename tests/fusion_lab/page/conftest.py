@@ -11,7 +11,7 @@ from tests.fixtures.untrained_run import write_run
 @pytest.fixture(scope="session")
 def address(tmp_path_factory):
     folder = tmp_path_factory.mktemp("lab")
-    run = write_run(folder / "run")
+    run = write_run(folder / "run", "experiment=small")
     with serving(folder, f"run={run}", "data.num_scenes=2", "data.keyframes=3") as address:
         yield address
     log = (folder / "log").read_text()

@@ -43,6 +43,12 @@ def test_sweeps_take_the_short_recipe_unless_told_otherwise():
     assert composed("+sweep=dropout", "trainer=cpu").trainer.fusion_steps > short.fusion_steps
 
 
+@pytest.mark.parametrize("name", sorted({*SWEEPS} - {"seeds"}))
+def test_sweeps_train_the_network_of_the_committed_results(name):
+    cfg = composed(f"+sweep={name}")
+    assert (cfg.model.bev_channels, cfg.grid.cell) == (32, 0.8)
+
+
 @pytest.mark.parametrize("path", sorted((CONFIGS / "experiment").glob("*.yaml")), ids=lambda path: path.stem)
 def test_an_experiment_takes_another_recipe_when_it_is_told_to(path):
     chosen = composed(f"experiment={path.stem}", "trainer=smoke").trainer
